@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 #[global_allocator]
-static MEMORY: mesophyll::cli::OrSentence = mesophyll::cli::OrSentence;
+static MEMORY: mesophyll::cli::ReportingAllocator = mesophyll::cli::ReportingAllocator;
 
 fn main() -> ExitCode {
     mesophyll::cli::main()

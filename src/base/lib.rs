@@ -6,5 +6,5 @@ pub mod fourier;
 pub mod processor;
 pub mod quadrature;
 pub mod random;
-pub mod solve;
+pub mod solvers;
 pub mod surface;

@@ -4,7 +4,7 @@
 
 /// A stream of 64-bit numbers (SplitMix64; Steele, Lea & Flood 2014).
 #[derive(Debug, Clone)]
-pub struct Stream(u64);
+pub struct RandomStream(u64);
 
 fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -12,14 +12,14 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-impl Stream {
+impl RandomStream {
     /// The stream that belongs to `seed` and a list of names or places.
-    pub fn new(seed: u64, place: &[u64]) -> Stream {
+    pub fn new(seed: u64, place: &[u64]) -> RandomStream {
         let mut state = mix(seed ^ 0x9e37_79b9_7f4a_7c15);
         for p in place {
             state = mix(state.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ mix(p.wrapping_add(0x632b_e59b_d9b4_e019)));
         }
-        Stream(state)
+        RandomStream(state)
     }
 
     /// The next 64 random bits.
@@ -62,8 +62,8 @@ fn gradient_noise(seed: u64, p: [f64; 2]) -> f64 {
     let (x, y) = (p[0] - i, p[1] - j);
     let fade = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
     let corner = |di: f64, dj: f64| {
-        let angle =
-            std::f64::consts::TAU * Stream::new(seed, &[(i + di) as i64 as u64, (j + dj) as i64 as u64]).uniform();
+        let angle = std::f64::consts::TAU
+            * RandomStream::new(seed, &[(i + di) as i64 as u64, (j + dj) as i64 as u64]).uniform();
         angle.cos() * (x - di) + angle.sin() * (y - dj)
     };
     let (u, v) = (fade(x), fade(y));
@@ -80,7 +80,7 @@ pub fn mesh(seed: u64, p: [f64; 2], length: f64) -> f64 {
     for a in -2..=2 {
         for b in -2..=2 {
             let (ci, cj) = (i + f64::from(a), j + f64::from(b));
-            let mut s = Stream::new(seed, &[ci as i64 as u64, cj as i64 as u64]);
+            let mut s = RandomStream::new(seed, &[ci as i64 as u64, cj as i64 as u64]);
             let c = [ci + 0.5 + 0.42 * s.signed(), cj + 0.5 + 0.42 * s.signed()];
             let d = (c[0] - q[0]).hypot(c[1] - q[1]);
             if d < near[0].0 {

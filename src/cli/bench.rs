@@ -1,11 +1,11 @@
 //! `mesophyll bench`: error against run time over each model's accuracy knobs, as a table and plots, with peers where
 //! they are installed.
 
-use super::{Common, models, place};
+use super::{CommonArgs, destination, models};
 use crate::cli::{Error, Result};
 use clap::builder::PossibleValuesParser;
-use mesophyll_files::claim::{self, Kind};
-use mesophyll_files::progress::Bar;
+use mesophyll_files::claim::{self, OutputKind};
+use mesophyll_files::progress::TaskProgress;
 use mesophyll_files::{atomic, progress};
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::{bench_charts, tables};
@@ -24,7 +24,7 @@ pub struct Args {
         value_parser = PossibleValuesParser::new(models::with(|m| m.bench).map(|(name, _)| name)))]
     models: Vec<String>,
     /// Write bench.json, one plot for each model, and the documentation's pictures of these models into this folder
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: Option<PathBuf>,
     /// Also measure comparable Python packages (SciPy, lmfit, iadpython, PROSPECT-D), as far as they are installed
     #[arg(long)]
@@ -33,20 +33,20 @@ pub struct Args {
 
 /// Runs the sweeps. A stop between two steps leaves nothing behind. Times are only for ratios within one run: nothing
 /// is asserted about them.
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let wanted = models::asked(&args.models, |m| m.bench);
     if cfg!(debug_assertions) {
         progress::say(
             "this build is not optimised, so its times say little; do not compare them with those of other programs",
         );
     }
-    let claim = |folder: &PathBuf| claim::folder(folder, Kind::Bench, &[]);
+    let claim = |folder: &PathBuf| claim::folder(folder, OutputKind::Bench, &[]);
     let _claim = args.output.as_ref().map(claim).transpose()?;
     let steps: u64 = wanted.iter().map(|(_, sweep)| sweep.steps + u64::from(args.peers)).sum();
-    let bar = Bar::new("sweeps", steps);
+    let bar = TaskProgress::new("sweeps", steps);
     let mut all: Vec<BenchRow> = Vec::new();
     for (name, sweep) in &wanted {
-        let _part = Bar::of(*name);
+        let _part = TaskProgress::of(*name);
         all.extend((sweep.rows)(&bar)?);
         if args.peers {
             all.extend(super::peers::rows(name, sweep.peers)?);

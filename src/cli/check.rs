@@ -1,7 +1,9 @@
 //! `mesophyll check`.
 
-use super::Common;
-use crate::cli::{Error, Result};
+use super::CommonArgs;
+#[cfg(feature = "render")]
+use crate::cli::Error;
+use crate::cli::Result;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -18,7 +20,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder for pictures and check.json (default: out/check/SCENE); an earlier run's folder counts its fits as done
-    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::destination::folder())]
     out: Option<PathBuf>,
     /// Write the scene's golden pictures anew instead of comparing with them
     #[arg(long)]
@@ -45,16 +47,16 @@ pub struct Args {
 }
 
 #[cfg(feature = "render")]
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     use mesophyll_check::{Options, golden};
     use mesophyll_files::{atomic, claim};
-    use mesophyll_scene::loaded::Scene;
-    use mesophyll_scene::manifest::{Manifest, ViewKind};
-    use mesophyll_scene::placed::{Placed, leaf::Search};
-    use mesophyll_scene::placed::{fits::missing, ledger::Ledger};
+    use mesophyll_scene::loaded::LoadedScene;
+    use mesophyll_scene::manifest::{SceneManifest, ViewKind};
+    use mesophyll_scene::placed::{PlacedScene, leaf::LeafSearch};
+    use mesophyll_scene::placed::{fits::maker, ledger::Ledger};
 
     let begun = std::time::Instant::now();
-    let mut manifest = Manifest::read(&args.scene)?;
+    let mut manifest = SceneManifest::read(&args.scene)?;
     let seen = manifest.views.iter().any(|view| view.kind == ViewKind::Perspective);
     match args.frames {
         None => manifest.require_limits()?,
@@ -76,12 +78,12 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         golden::small_scans(&mut manifest);
     }
     let own = if args.goldens_only { Some(out.as_path()) } else { args.out.as_deref() };
-    let search = Search { out: own, input_hash: Some(&missing::input_hash), free: false };
-    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    let search = LeafSearch { out: own, input_hash: Some(&maker::input_hash), free: false };
+    let mut placed = PlacedScene::new(&manifest, search, &ledger)?;
     if args.goldens_only {
         for index in placed.unfitted() {
-            let folder = missing::fit_folder(&manifest, index, &out);
-            missing::fit(&manifest, index, &out, &folder, false, &ledger)?;
+            let folder = maker::fit_folder(&manifest, index, &out);
+            maker::fit(&manifest, index, &out, &folder, false, &ledger)?;
             placed.find_again(&manifest, index, search, &ledger)?;
         }
     }
@@ -91,7 +93,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         placed.make_translucency(&manifest, &out, search, &ledger)?;
     }
     placed.out = Some(out.clone());
-    let mut scene = Scene::new(manifest, placed, &ledger)?;
+    let mut scene = LoadedScene::new(manifest, placed, &ledger)?;
     scene.find_transfer(&out, &ledger)?;
     let options = Options {
         out: out.clone(),
@@ -124,7 +126,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 /// weighed against each other too. Whether it passed, as text, and as JSON.
 #[cfg(feature = "render")]
 pub(super) fn judged(
-    scene: &mesophyll_scene::loaded::Scene,
+    scene: &mesophyll_scene::loaded::LoadedScene,
     options: &mesophyll_check::Options,
     compare: Option<Option<&std::path::Path>>,
     ledger: &mesophyll_scene::placed::ledger::Ledger,
@@ -145,6 +147,6 @@ pub(super) fn judged(
 }
 
 #[cfg(not(feature = "render"))]
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
+pub fn run(_args: &Args, _common: &CommonArgs) -> Result<u8> {
     Err(crate::cli::Error::Missed("nothing was checked: this build has no renderer (feature `render`)".into()))
 }

@@ -1,7 +1,7 @@
 //! `mesophyll dress`: fitted leaves on a plant that another program wrote.
 
-use crate::cli::{Common, Error, Result};
-use mesophyll_export::dress::{Leaf, Options, dress};
+use crate::cli::{CommonArgs, Error, Result};
+use mesophyll_export::dress::{LeafReplacement, Options, dress};
 use mesophyll_files::table::counted;
 use mesophyll_files::{claim, progress};
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ pub struct Args {
     plant: PathBuf,
     /// A material of the plant and the folder of the leaf fit that takes its place; may be repeated
     #[arg(long = "leaf", value_name = "MATERIAL=FIT", required = true, value_parser = leaf)]
-    leaves: Vec<Leaf>,
+    leaves: Vec<LeafReplacement>,
     /// Make texture coordinates along each flat piece also where the file has its own: for cards that show a part of a
     /// picture of many leaves
     #[arg(long)]
@@ -36,25 +36,25 @@ pub struct Args {
 }
 
 /// `MATERIAL=FIT`. Names of materials are free, so the last `=` divides.
-fn leaf(text: &str) -> std::result::Result<Leaf, String> {
+fn leaf(text: &str) -> std::result::Result<LeafReplacement, String> {
     match text.rsplit_once('=') {
         Some((material, fit)) if !material.is_empty() && !fit.is_empty() => {
-            Ok(Leaf { material: material.into(), fit: fit.into() })
+            Ok(LeafReplacement { material: material.into(), fit: fit.into() })
         }
         _ => Err("expected MATERIAL=FIT, a material of the plant and a fit folder".into()),
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if args.out.is_dir() {
         return Err(Error::Usage(format!("{}: found a folder, expected the name of a file", args.out.display())));
     }
-    if crate::cli::place::is_stdout(&args.out) {
+    if crate::cli::destination::is_stdout(&args.out) {
         return Err(Error::Usage("-o -: two files are written; expected a name, not standard output".into()));
     }
     claim::file(&args.out, &["glb"], &[&args.plant])?;
     for leaf in &args.leaves {
-        crate::cli::ready::fit(&leaf.fit)?;
+        crate::cli::preparation::fit(&leaf.fit)?;
     }
     let options = Options { make_uv: args.make_uv, scatter: args.scatter };
     let done = dress(&args.plant, &args.leaves, options, &args.out)?;

@@ -1,23 +1,24 @@
 //! `mesophyll export DIR --to FORMAT -o PATH`, and of a scene its plants as they stand at a time.
 
-use super::{Common, place};
-use crate::cli::named::named;
+use super::{CommonArgs, destination};
+use crate::cli::names::named;
 use crate::cli::{Error, Result};
 use clap::builder::{PossibleValue, TypedValueParser};
-use mesophyll_export::coat::Lost;
-use mesophyll_export::shown::{Shown, unmeasured};
-use mesophyll_export::sky::SkyOptions;
-use mesophyll_export::{Exported, Format, assemble, export};
+use mesophyll_export::coat::ExportLoss;
+use mesophyll_export::scene::{ExportScene, unmeasured};
+use mesophyll_export::sky::SkyExportOptions;
+use mesophyll_export::{ExportFormat, ExportResult, assemble, export};
 use mesophyll_files::{claim, progress};
 use mesophyll_fits::record::FitRecord;
 use mesophyll_scene::draw::reference;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::fits::missing;
-use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::path_tracing;
+#[cfg(feature = "render")]
+use mesophyll_scene::placed::fits::maker;
+use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_scene::placed::{self as placed, Placed};
-use mesophyll_scene::traced;
+use mesophyll_scene::placed::{self as placed, PlacedScene};
 use std::path::{Path, PathBuf};
 use strum::IntoEnumIterator;
 
@@ -62,7 +63,7 @@ pub struct Args {
     /// Scenes as a whole and web: folder of a run or check of the scene, whose fits are taken, and for web its
     /// reference pictures. Stated looks, and for web translucency maps, that the scene still lacks are made there
     /// (default: out/check/SCENE)
-    #[arg(long, value_name = "DIR", value_parser = super::place::folder())]
+    #[arg(long, value_name = "DIR", value_parser = super::destination::folder())]
     run: Option<PathBuf>,
     /// Sky: only the numbers of this sun (angle from the zenith), no polynomial
     #[arg(long, value_name = "DEG", requires = "turbidity")]
@@ -79,7 +80,7 @@ pub struct Args {
 /// What `--to` says: the format or, for an animation, its last time.
 #[derive(Debug, Clone, Copy)]
 enum To {
-    Format(Format),
+    Format(ExportFormat),
     Time(f64),
 }
 
@@ -98,20 +99,20 @@ impl TypedValueParser for FormatOrTime {
     ) -> std::result::Result<To, clap::Error> {
         match value.to_str().and_then(|text| text.parse().ok()) {
             Some(time) => Ok(To::Time(time)),
-            None => named::<Format>().parse_ref(command, argument, value).map(To::Format),
+            None => named::<ExportFormat>().parse_ref(command, argument, value).map(To::Format),
         }
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let all: Vec<PossibleValue> = named::<Format>().possible_values()?.collect();
+        let all: Vec<PossibleValue> = named::<ExportFormat>().possible_values()?.collect();
         Some(Box::new(all.into_iter()))
     }
 }
 
 impl Args {
     /// The format, and the first and last time of an animation.
-    fn asked(&self) -> Result<(Format, Option<[f64; 2]>)> {
-        let formats: Vec<Format> =
+    fn asked(&self) -> Result<(ExportFormat, Option<[f64; 2]>)> {
+        let formats: Vec<ExportFormat> =
             self.to.iter().filter_map(|t| if let To::Format(f) = t { Some(*f) } else { None }).collect();
         let said = self.to.iter().filter_map(|t| if let To::Time(s) = t { Some(*s) } else { None });
         let last: Vec<f64> = said.chain(self.until).collect();
@@ -131,10 +132,10 @@ impl Args {
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let (format, times) = args.asked()?;
-    let stdout = place::is_stdout(&args.output);
-    if stdout && (format.is_folder() || format == Format::Obj) {
+    let stdout = destination::is_stdout(&args.output);
+    if stdout && (format.is_folder() || format == ExportFormat::Obj) {
         return Err(Error::Usage(format!(
             "-o -: --to {} writes several files; expected a name, not standard output",
             format.name()
@@ -159,16 +160,19 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if scene && args.folder.file_name().is_some_and(|name| name == "fit.toml") {
         return Err(Error::input(&args.folder, "found the record of a fit, expected the fit's folder, or a scene"));
     }
-    if let Some(run) = args.run.as_ref().filter(|_| format != Format::Web && !(scene && format.holds_scenes())) {
+    if let Some(run) = args.run.as_ref().filter(|_| format != ExportFormat::Web && !(scene && format.holds_scenes())) {
         return Err(Error::argument("--run", run.display(), "a scene that is exported as a whole, or --to web"));
     }
-    if scene && !matches!(format, Format::Gltf | Format::Pivots | Format::Web) && !format.holds_scenes() {
+    if scene
+        && !matches!(format, ExportFormat::Gltf | ExportFormat::Pivots | ExportFormat::Web)
+        && !format.holds_scenes()
+    {
         return Err(Error::Usage(format!(
             "--to {}: {} is a scene, whose plants can be exported as gltf or pivots, and which as a whole can be \
              exported as {}; expected a fit folder for other formats",
             format.name(),
             args.folder.display(),
-            Format::iter().filter(|f| f.holds_scenes()).map(Format::name).collect::<Vec<_>>().join(", ")
+            ExportFormat::iter().filter(|f| f.holds_scenes()).map(ExportFormat::name).collect::<Vec<_>>().join(", ")
         )));
     }
     if let Some(view) = args.view.as_ref().filter(|_| !(scene && format.holds_scenes())) {
@@ -188,27 +192,27 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let what = "is not a scene; --from, --until and --step write an animation of a scene's plants";
         return Err(Error::Usage(format!("{} {what}", args.folder.display())));
     }
-    if format == Format::Pivots && (times.is_some() || args.time.is_some()) {
+    if format == ExportFormat::Pivots && (times.is_some() || args.time.is_some()) {
         let what = "pivot textures hold plants at rest; expected no time";
         return Err(Error::Usage(format!("--to pivots: {what}")));
     }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
-    let options = SkyOptions { fixed, ground: args.ground };
-    let done: Exported = place::file(&args.output, |path| match times {
-        _ if format == Format::Web => web(args, scene, path),
+    let options = SkyExportOptions { fixed, ground: args.ground };
+    let done: ExportResult = destination::file(&args.output, |path| match times {
+        _ if format == ExportFormat::Web => web(args, scene, path),
         Some([from, last]) => moving(&args.folder, from, last, args.step, path).map(Into::into),
-        None if scene && format == Format::Pivots => pivots(&args.folder, path).map(Into::into),
+        None if scene && format == ExportFormat::Pivots => pivots(&args.folder, path).map(Into::into),
         None if scene && format.holds_scenes() => whole(args, format, path),
         None if scene => posed(&args.folder, args.time, path).map(Into::into),
         None => export(&args.folder, format, path, &options),
     })?;
     if !scene {
-        super::ready::warn(&args.folder);
+        super::preparation::warn(&args.folder);
         let stated = FitRecord::read(&args.folder).ok().filter(|_| done.lost.is_none());
         stated.and_then(|record| record.stated_in_one()).into_iter().for_each(progress::say);
     }
     if stdout {
-        done.lost.iter().flat_map(Lost::lines).for_each(progress::say);
+        done.lost.iter().flat_map(ExportLoss::lines).for_each(progress::say);
         return Ok(0);
     }
     if common.json {
@@ -220,25 +224,25 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         super::print_json(&out)?;
     } else {
         done.files.iter().for_each(|p| progress::say(format_args!("written: {}", p.display())));
-        done.lost.iter().flat_map(Lost::lines).for_each(progress::say);
+        done.lost.iter().flat_map(ExportLoss::lines).for_each(progress::say);
     }
     Ok(0)
 }
 
 /// The run's folder of a scene.
-fn run_of(args: &Args, manifest: &Manifest) -> PathBuf {
+fn run_of(args: &Args, manifest: &SceneManifest) -> PathBuf {
     args.run.clone().unwrap_or_else(|| PathBuf::from("out/check").join(&manifest.name))
 }
 
 /// A whole scene at one time, as another renderer draws it.
-fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
-    let manifest = Manifest::read(&args.folder)?;
+fn whole(args: &Args, format: ExportFormat, path: &Path) -> Result<ExportResult> {
+    let manifest = SceneManifest::read(&args.folder)?;
     let ledger = Ledger::new();
     let run = run_of(args, &manifest);
-    let search = Search { out: args.run.as_deref(), input_hash: None, free: false };
-    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    let search = LeafSearch { out: args.run.as_deref(), input_hash: None, free: false };
+    let mut placed = PlacedScene::new(&manifest, search, &ledger)?;
     placed.make_looks(&manifest, &run, search, &ledger)?;
-    let scene = Scene::new(manifest, placed, &ledger)?;
+    let scene = LoadedScene::new(manifest, placed, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     if let Some(missing) = scene.placed.unfitted().first() {
         let leaf = format!("leaf \"{}\"", scene.manifest.leaves[*missing].name);
@@ -248,14 +252,14 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
         );
         return Err(Error::field(&args.folder, &leaf, why));
     }
-    let view = traced::views(&scene, args.view.as_deref())?[0];
+    let view = path_tracing::views(&scene, args.view.as_deref())?[0];
     let time = args.time.unwrap_or_else(|| scene.manifest.time_of(view));
     let mut world = reference::still(&scene, time, &ledger)?;
     reference::part_sun(&mut world, &scene.manifest)?;
     let names: Vec<String> = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
     let check = &scene.manifest.check;
     let size = [check.width as usize, check.height as usize];
-    let mut shown = Shown::of_world(&world, &names, reference::camera(view), size, &scene.manifest.name);
+    let mut shown = ExportScene::of_world(&world, &names, reference::camera(view), size, &scene.manifest.name);
     shown.left_out.extend(scene.placed.stated().iter().map(|said| unmeasured(said)));
     if scene.placed.moves().any() {
         shown.left_out.push(format!("wind: everything stands as at {time} s"));
@@ -268,19 +272,19 @@ fn whole(args: &Args, format: Format, path: &Path) -> Result<Exported> {
 
 /// A scene, or a leaf in a scene around it, for the viewer in a browser.
 #[cfg(feature = "render")]
-fn web(args: &Args, is_scene: bool, path: &Path) -> Result<Exported> {
+fn web(args: &Args, is_scene: bool, path: &Path) -> Result<ExportResult> {
     use mesophyll_files::atomic;
     use mesophyll_scene::web;
 
     if args.time.is_some() || args.from.is_some() {
         return Err(Error::Usage("--to web: the plants stand as in the first view; expected no time".into()));
     }
-    let manifest = if is_scene { Manifest::read(&args.folder)? } else { web::around(&args.folder)? };
+    let manifest = if is_scene { SceneManifest::read(&args.folder)? } else { web::around(&args.folder)? };
     let ledger = Ledger::new();
     let run = run_of(args, &manifest);
     let out = args.run.as_deref();
-    let search = Search { out, input_hash: Some(&missing::input_hash), free: true };
-    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    let search = LeafSearch { out, input_hash: Some(&maker::input_hash), free: true };
+    let mut placed = PlacedScene::new(&manifest, search, &ledger)?;
     placed.make_looks(&manifest, &run, search, &ledger)?;
     if let Some(missing) = placed.unfitted().first() {
         let leaf = format!("leaf \"{}\"", manifest.leaves[*missing].name);
@@ -289,7 +293,7 @@ fn web(args: &Args, is_scene: bool, path: &Path) -> Result<Exported> {
     }
     placed.make_translucency(&manifest, &run, search, &ledger)?;
     placed.out = Some(run.clone());
-    let mut scene = Scene::new(manifest, placed, &ledger)?;
+    let mut scene = LoadedScene::new(manifest, placed, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     scene.find_transfer(&run, &ledger)?;
     let mut bundle = web::bundle(&scene, &run, &ledger)?;
@@ -309,13 +313,13 @@ fn web(args: &Args, is_scene: bool, path: &Path) -> Result<Exported> {
 }
 
 #[cfg(not(feature = "render"))]
-fn web(_: &Args, _: bool, _: &Path) -> Result<Exported> {
+fn web(_: &Args, _: bool, _: &Path) -> Result<ExportResult> {
     Err(Error::Missed("nothing to export: this build has no renderer (feature `render`)".into()))
 }
 
 /// A scene whose plants are written, and a sentence about what is not.
-fn with_plants(scene: &Path) -> Result<Manifest> {
-    let manifest = Manifest::read(scene)?;
+fn with_plants(scene: &Path) -> Result<SceneManifest> {
+    let manifest = SceneManifest::read(scene)?;
     if !manifest.grass.is_empty() {
         let lawns: Vec<&str> = manifest.grass.iter().map(|g| g.name.as_str()).collect();
         progress::say(format_args!(
@@ -330,22 +334,22 @@ fn with_plants(scene: &Path) -> Result<Manifest> {
 fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<Vec<PathBuf>> {
     let manifest = with_plants(scene)?;
     let time = time.unwrap_or_else(|| manifest.rest_time());
-    mesophyll_plants::file::write(&placed::posed::plants(&manifest, time, &Ledger::new())?, path)?;
+    mesophyll_plants::file::write(&placed::poses::plants(&manifest, time, &Ledger::new())?, path)?;
     Ok(vec![path.to_path_buf()])
 }
 
 /// A scene's plants as an animation.
 fn moving(scene: &Path, from: f64, last: f64, step: f64, path: &Path) -> Result<Vec<PathBuf>> {
-    placed::posed::animation(&with_plants(scene)?, from, last, step, &Ledger::new(), path)?;
+    placed::poses::animation(&with_plants(scene)?, from, last, step, &Ledger::new(), path)?;
     Ok(vec![path.to_path_buf()])
 }
 
 /// A scene's plants at rest, with textures of their pivots.
 fn pivots(scene: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
     let manifest = with_plants(scene)?;
-    let _claim = claim::folder(folder, claim::Kind::Pivots, &[scene])?;
-    let plant = placed::posed::resting(&manifest, &Ledger::new())?;
-    claim::begin(folder, claim::Kind::Pivots)?;
+    let _claim = claim::folder(folder, claim::OutputKind::Pivots, &[scene])?;
+    let plant = placed::poses::resting(&manifest, &Ledger::new())?;
+    claim::begin(folder, claim::OutputKind::Pivots)?;
     let written = mesophyll_plants::file::write_pivots(&plant, folder)?;
     claim::finish(folder)?;
     Ok(written)

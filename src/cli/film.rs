@@ -1,6 +1,6 @@
 //! `mesophyll film`.
 
-use super::Common;
+use super::CommonArgs;
 use crate::cli::{Error, Result};
 #[cfg(feature = "render")]
 use std::path::Path;
@@ -17,7 +17,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder for the frames, or a video to write
-    #[arg(short, long, alias = "output", value_name = "DIR|FILE.mp4", value_parser = super::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "DIR|FILE.mp4", value_parser = super::destination::folder())]
     out: PathBuf,
     /// Which view (default: the first perspective view)
     #[arg(long, value_name = "NAME")]
@@ -48,12 +48,12 @@ pub(super) fn size(text: &str) -> std::result::Result<[u32; 2], String> {
 }
 
 #[cfg(feature = "render")]
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     use mesophyll_files::{claim, progress};
     use mesophyll_scene::film::{self, Options};
     use mesophyll_scene::placed::ledger::Ledger;
 
-    let manifest = mesophyll_scene::manifest::Manifest::read(&args.scene)?;
+    let manifest = mesophyll_scene::manifest::SceneManifest::read(&args.scene)?;
     let mut options = Options {
         out: args.out.clone(),
         view: args.view.clone(),
@@ -80,9 +80,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         }
         claim::file(video, &["mp4"], &[&args.scene])?;
     }
-    let _claim = claim::folder(&folder, claim::Kind::Film, &[&args.scene])?;
+    let _claim = claim::folder(&folder, claim::OutputKind::Film, &[&args.scene])?;
     let ledger = Ledger::new();
-    let mut scene = super::ready::scene(manifest, &folder, &ledger)?;
+    let mut scene = super::preparation::scene(manifest, &folder, &ledger)?;
     scene.find_transfer(&folder, &ledger)?;
     options.out.clone_from(&folder);
     let (film, kept) = film::film(&mut scene, &options, &ledger)?;
@@ -118,7 +118,7 @@ fn ffmpeg(folder: &Path, arguments: &[&str]) -> Result<std::process::Output> {
 
 /// Frames to a video that common players show: H.264, sides even, nearly lossless. Written whole or not at all.
 #[cfg(feature = "render")]
-fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Result<()> {
+fn encode(folder: &Path, film: &mesophyll_scene::film::SceneFilm, video: &Path) -> Result<()> {
     use mesophyll_files::atomic;
     // The video is first made beside the frames, so that a stopped run leaves no strange file where the video goes. The
     // names are plain, because ffmpeg gives % and : in a path a meaning of its own. What a killed run left is replaced.
@@ -144,6 +144,6 @@ fn encode(folder: &Path, film: &mesophyll_scene::film::Film, video: &Path) -> Re
 }
 
 #[cfg(not(feature = "render"))]
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
+pub fn run(_args: &Args, _common: &CommonArgs) -> Result<u8> {
     Err(Error::Missed("nothing draws a film: this build has no renderer (feature `render`)".into()))
 }

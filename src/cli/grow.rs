@@ -1,10 +1,10 @@
 //! `mesophyll grow`: a description in, a plant out.
 
-use crate::cli::{Common, Result};
+use crate::cli::{CommonArgs, Result};
 use mesophyll_files::{claim, progress};
 use mesophyll_plants::file;
 use mesophyll_plants::form::Plant;
-use mesophyll_plants::grow::described;
+use mesophyll_plants::growth::described;
 use std::path::PathBuf;
 
 /// Grows a plant or a meadow from its description and writes it as glTF: a node a branch, leaves as instances.
@@ -26,7 +26,7 @@ pub struct Args {
     seed: Option<u64>,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let plant = described(&args.spec, args.seed)?;
     claim::file(&args.out, &["glb"], &[&args.spec])?;
     file::write(&plant, &args.out)?;

@@ -1,14 +1,14 @@
 //! `mesophyll import`: a plant of triangles in, tables of its branches and leaves out, or a plant that bends; or the
 //! pictures of a leaf in, and a leaf whose look is stated out.
 
-use crate::cli::named::named;
-use crate::cli::{Common, Result};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, Result};
 use mesophyll_files::table::counted;
-use mesophyll_files::unit::Unit;
+use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fits::look::{self, Look};
 use mesophyll_plants::file::write;
-use mesophyll_plants::import::{Found, import, plant, strange, table};
+use mesophyll_plants::import::{PlantPieces, import, plant, strange, table};
 use std::path::PathBuf;
 
 /// Finds the branches and the leaves of a plant in a glTF file, also of one list of triangles without nodes; or makes a
@@ -32,15 +32,15 @@ pub struct Args {
     #[arg(value_name = "PLANT.glb|LOOK.toml")]
     plant: PathBuf,
     /// Folder for the tables or the leaf, or a file (.glb) for the plant with branches
-    #[arg(short, long, alias = "output", value_name = "DIR|FILE.glb", value_parser = crate::cli::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "DIR|FILE.glb", value_parser = crate::cli::destination::folder())]
     out: PathBuf,
     /// What one unit of the file's lengths is; default: the metre, or what the file's asset.extras.unit says
-    #[arg(long, value_name = "UNIT", value_parser = named::<Unit>())]
-    unit: Option<Unit>,
+    #[arg(long, value_name = "UNIT", value_parser = named::<LengthUnit>())]
+    unit: Option<LengthUnit>,
 }
 
 /// The maps and the blade of a leaf whose look is stated.
-fn look(args: &Args, common: &Common) -> Result<u8> {
+fn look(args: &Args, common: &CommonArgs) -> Result<u8> {
     if let Some(unit) = args.unit {
         return Err(crate::cli::Error::argument("--unit", format!("{unit:?}"), "a plant; a look states width_mm"));
     }
@@ -56,7 +56,7 @@ fn look(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if args.plant.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return look(args, common);
     }
@@ -82,8 +82,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             }
         }
     } else {
-        let _claim = claim::folder(&args.out, claim::Kind::Import, &[&args.plant])?;
-        claim::begin(&args.out, claim::Kind::Import)?;
+        let _claim = claim::folder(&args.out, claim::OutputKind::Import, &[&args.plant])?;
+        claim::begin(&args.out, claim::OutputKind::Import)?;
         table::write(&found, &args.out)?;
         let text = serde_json::to_string_pretty(&summary).map_err(|e| crate::cli::Error::write(&args.out, e))?;
         atomic::write_bytes(&args.out.join("import.json"), format!("{text}\n").as_bytes())?;
@@ -116,7 +116,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-fn summary(found: &Found) -> serde_json::Value {
+fn summary(found: &PlantPieces) -> serde_json::Value {
     serde_json::json!({
         "pieces": found.pieces.len(),
         "branches": found.branches.len(),

@@ -10,10 +10,10 @@ use std::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
 /// The system's memory. Where there is none left, the program says so and ends with exit code 1; files that were being
 /// written are removed.
 #[derive(Debug)]
-pub struct OrSentence;
+pub struct ReportingAllocator;
 
 // SAFETY: every call goes to the system's allocator with the same arguments, and its answer comes back unchanged.
-unsafe impl GlobalAlloc for OrSentence {
+unsafe impl GlobalAlloc for ReportingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: the caller keeps the contract of `GlobalAlloc::alloc`.
         or_end(unsafe { System.alloc(layout) }, layout.size())

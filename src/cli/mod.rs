@@ -10,7 +10,7 @@ mod batch;
 mod bench;
 mod check;
 mod completions;
-mod drawn;
+mod destination;
 mod dress;
 mod eval;
 mod export;
@@ -22,11 +22,11 @@ mod inspect;
 mod man;
 mod memory;
 mod models;
-mod named;
+mod names;
 mod peers;
-mod place;
+mod pictures;
 mod plan;
-mod ready;
+mod preparation;
 mod render;
 mod report;
 mod run;
@@ -34,7 +34,7 @@ mod stress;
 mod synth;
 mod tables;
 mod view;
-pub use memory::OrSentence;
+pub use memory::ReportingAllocator;
 pub(crate) use mesophyll_base::error::{Error, Result};
 
 #[derive(Debug, Parser)]
@@ -49,14 +49,14 @@ pub(crate) use mesophyll_base::error::{Error, Result};
 )]
 struct Cli {
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
     #[command(subcommand)]
     verb: Verb,
 }
 
 /// Options every verb takes.
 #[derive(Debug, Clone, clap::Args)]
-pub struct Common {
+pub struct CommonArgs {
     /// Worker threads, 1 to 1024 (default: one a core)
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -165,7 +165,7 @@ pub fn main() -> ExitCode {
     quiet_display_libraries();
     progress::set_quiet(cli.common.quiet);
     stop_on_ctrl_c();
-    let _verb = progress::Bar::of(cli.verb.name());
+    let _verb = progress::TaskProgress::of(cli.verb.name());
     match carried_out(cli) {
         Ok(code) => ExitCode::from(code),
         Err(e) => {
@@ -189,7 +189,7 @@ fn exit_code(e: &Error) -> u8 {
 }
 
 /// Starts the worker threads, so that a want of memory is said before any of them is needed.
-fn workers(common: &Common) -> Result<()> {
+fn workers(common: &CommonArgs) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(common.threads.map_or(0, usize::from));
     pool.build_global().map_err(|e| progress::no_thread(&e))
 }
@@ -201,7 +201,7 @@ fn carried_out(cli: Cli) -> Result<u8> {
         return dispatch(&cli);
     }
     progress::left_when_stopped(move || dispatch(&cli))?.unwrap_or_else(|| {
-        place::remove_temporary();
+        destination::remove_temporary();
         Err(Error::Interrupted("stopped; nothing was printed".into()))
     })
 }

@@ -1,11 +1,11 @@
 //! The models, one entry for each. `fit`, `eval`, `bench`, `bench --peers` and `stress`, their help texts and the
 //! completions read only this list. `docs/adding.md` says which files a new model has besides its entry.
 
-use crate::cli::{Common, Error, Result, drawn, eval, fit};
+use crate::cli::{CommonArgs, Error, Result, eval, fit, pictures};
 use clap::{ArgMatches, Command, FromArgMatches};
-use mesophyll_files::progress::Bar;
+use mesophyll_files::progress::TaskProgress;
 use mesophyll_proof::bench::BenchRow;
-use mesophyll_proof::peers::Inputs;
+use mesophyll_proof::peers::PeerInputs;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
     beam, coverage, foliar, gloss, grass, leaf, motion, nist, peers, render, scene, sky, slab, solver, transfer,
@@ -16,44 +16,44 @@ use std::path::{Path, PathBuf};
 
 /// A model, or a table of cases that stands for itself: what the verbs can do with it.
 #[derive(Debug, Clone, Copy)]
-pub struct Model {
+pub struct ModelEntry {
     /// Its name on the command line and in rows.
     pub name: &'static str,
     /// `mesophyll fit NAME`.
-    pub fit: Option<Verb>,
+    pub fit: Option<ModelVerb>,
     /// `mesophyll eval NAME`.
-    pub eval: Option<Verb>,
+    pub eval: Option<ModelVerb>,
     /// `mesophyll bench NAME`.
-    pub bench: Option<Sweep>,
+    pub bench: Option<ModelSweep>,
     /// `mesophyll stress NAME`.
     pub stress: Option<fn() -> Result<Vec<StressRow>>>,
 }
 
 /// A verb inside `fit` or `eval`.
 #[derive(Debug, Clone, Copy)]
-pub struct Verb {
+pub struct ModelVerb {
     /// What it does, in one sentence of the help.
     about: &'static str,
     arguments: fn(Command) -> Command,
-    run: fn(&ArgMatches, &Common) -> Result<u8>,
+    run: fn(&ArgMatches, &CommonArgs) -> Result<u8>,
 }
 
 /// A sweep of a model's accuracy knobs.
 #[derive(Debug, Clone, Copy)]
-pub struct Sweep {
+pub struct ModelSweep {
     /// Steps of the progress bar, which `rows` takes.
     pub steps: u64,
-    pub rows: fn(&Bar) -> Result<Vec<BenchRow>>,
+    pub rows: fn(&TaskProgress) -> Result<Vec<BenchRow>>,
     /// Pictures of the documentation that show the sweep, written into a folder.
     pub pictures: Option<fn(&Path) -> Result<Vec<PathBuf>>>,
     /// Other programs that are measured beside it: their script, and what it gets.
-    pub peers: Option<(&'static str, fn() -> Result<Inputs>)>,
+    pub peers: Option<(&'static str, fn() -> Result<PeerInputs>)>,
 }
 
 /// The verb whose arguments and function `run` are in `fit::NAME` or `eval::NAME`.
 macro_rules! verb {
     ($list:ident::$name:ident, $about:literal) => {
-        Some(Verb {
+        Some(ModelVerb {
             about: $about,
             arguments: <$list::$name::Args as clap::Args>::augment_args,
             run: |matches, common| {
@@ -67,7 +67,7 @@ macro_rules! verb {
 /// A sweep of one step.
 macro_rules! sweep {
     ($rows:expr) => {
-        Sweep {
+        ModelSweep {
             steps: 1,
             rows: |bar| {
                 let rows = $rows()?;
@@ -80,53 +80,53 @@ macro_rules! sweep {
     };
 }
 
-const NONE: Model = Model { name: "", fit: None, eval: None, bench: None, stress: None };
+const NONE: ModelEntry = ModelEntry { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [Model; 26] = [
-    Model {
+pub const MODELS: [ModelEntry; 26] = [
+    ModelEntry {
         name: "solve",
-        bench: Some(Sweep {
+        bench: Some(ModelSweep {
             peers: Some((include_str!("../../tests/peers/nist_peers.py"), peers::nist)),
             ..sweep!(nist::bench_rows)
         }),
         stress: Some(|| Ok(solver::stress())),
         ..NONE
     },
-    Model { name: "nist", stress: Some(nist::stress), ..NONE },
-    Model {
+    ModelEntry { name: "nist", stress: Some(nist::stress), ..NONE },
+    ModelEntry {
         name: "slab",
         fit: verb!(fit::slab, "σa and σs of a slab from its reflectance, transmittance and thickness, from CSV"),
         eval: verb!(eval::slab, "ρd and ρt of a slab from ω and Δ"),
-        bench: Some(Sweep {
+        bench: Some(ModelSweep {
             peers: Some((include_str!("../../tests/peers/slab_peers.py"), || Ok(peers::slab()))),
             ..sweep!(slab::bench::bench_rows)
         }),
         stress: Some(|| Ok(slab::stress::stress_cases())),
     },
-    Model {
+    ModelEntry {
         name: "bands",
         eval: verb!(eval::bands, "What the bands of a published response see of spectra: sRGB or CIE 1931"),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "gloss",
         fit: verb!(fit::gloss, "Gloss traces of a linear light source, or goniometer samples, from CSV"),
         eval: verb!(eval::gloss, "Traces of a linear light source over a glossy texel"),
-        bench: Some(Sweep {
+        bench: Some(ModelSweep {
             peers: Some((include_str!("../../tests/peers/gloss_peers.py"), peers::gloss)),
             ..sweep!(gloss::bench::bench_rows)
         }),
         stress: Some(|| Ok(gloss::stress::rows())),
     },
-    Model {
+    ModelEntry {
         name: "leaf",
         fit: verb!(fit::leaf, "A leaf scan: reflectance, gloss, normals, interior, thickness and blade"),
         stress: Some(leaf::stress::rows),
         ..NONE
     },
-    Model { name: "coverage", stress: Some(|| Ok(coverage::rows())), ..NONE },
-    Model {
+    ModelEntry { name: "coverage", stress: Some(|| Ok(coverage::rows())), ..NONE },
+    ModelEntry {
         name: "beam",
         fit: verb!(
             fit::beam,
@@ -136,7 +136,7 @@ pub const MODELS: [Model; 26] = [
         bench: Some(sweep!(beam::bench::bench_rows)),
         stress: Some(|| Ok(beam::stress::rows())),
     },
-    Model {
+    ModelEntry {
         name: "motion",
         fit: verb!(
             fit::motion,
@@ -145,14 +145,14 @@ pub const MODELS: [Model; 26] = [
         stress: Some(|| Ok(motion::rows())),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "wind",
-        bench: Some(Sweep { steps: drawn::TREES, rows: drawn::trees, pictures: None, peers: None }),
+        bench: Some(ModelSweep { steps: pictures::TREES, rows: pictures::trees, pictures: None, peers: None }),
         stress: Some(wind::rows),
         ..NONE
     },
-    Model { name: "sway", eval: verb!(eval::sway, "Where the tips of a scene's branches are, over time"), ..NONE },
-    Model {
+    ModelEntry { name: "sway", eval: verb!(eval::sway, "Where the tips of a scene's branches are, over time"), ..NONE },
+    ModelEntry {
         name: "sky",
         fit: verb!(
             fit::sky,
@@ -160,25 +160,25 @@ pub const MODELS: [Model; 26] = [
              the sky"
         ),
         eval: verb!(eval::sky, "Spherical harmonics of a sky from the sun's zenith angle and turbidity"),
-        bench: Some(Sweep {
+        bench: Some(ModelSweep {
             pictures: Some(|folder| sky::charts::pictures(folder, &sky::figures::all(500)?)),
             ..sweep!(sky::bench::bench_rows)
         }),
         stress: Some(sky::stress::rows),
     },
-    Model {
+    ModelEntry {
         name: "panorama",
         eval: verb!(eval::panorama, "A picture of a sky whose sun and turbidity are known, as EXR"),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "translucency",
         fit: verb!(
             fit::translucency,
             "How the light that comes through a leaf depends on its direction: scattering inside the blade, its relief \
              and thickness"
         ),
-        bench: Some(Sweep {
+        bench: Some(ModelSweep {
             steps: translucency::bench::PIECES,
             rows: translucency::bench::rows,
             pictures: Some(|folder| {
@@ -189,52 +189,52 @@ pub const MODELS: [Model; 26] = [
         stress: Some(translucency::stress::rows),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "tissue",
         fit: verb!(fit::tissue, "What a leaf's inside is made of, from photographs of the light that comes through it"),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "render",
-        bench: Some(Sweep {
-            steps: drawn::FOLIAGE,
-            rows: drawn::foliage,
+        bench: Some(ModelSweep {
+            steps: pictures::FOLIAGE,
+            rows: pictures::foliage,
             pictures: None,
             peers: Some((include_str!("../../tests/peers/render_peers.py"), render::bench::peers)),
         }),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "dipole",
         eval: verb!(eval::dipole, "Light diffusing through a leaf, by thickness and distance"),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "scene",
         fit: verb!(fit::scene, "What leaves, ground and light of a scene are, from linear pictures of it"),
         stress: Some(scene::stress),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "transfer",
         fit: verb!(
             fit::transfer,
             "How the light that reaches each leaf of a scene depends on the light around the scene"
         ),
-        bench: Some(Sweep { steps: transfer::PIECES, rows: transfer::rows, pictures: None, peers: None }),
+        bench: Some(ModelSweep { steps: transfer::PIECES, rows: transfer::rows, pictures: None, peers: None }),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "grass",
         fit: verb!(fit::grass, "Slices of a meadow, drawn in real time, from its blades"),
-        bench: Some(Sweep { steps: drawn::LAWNS, rows: drawn::lawns, pictures: None, peers: None }),
+        bench: Some(ModelSweep { steps: pictures::LAWNS, rows: pictures::lawns, pictures: None, peers: None }),
         stress: Some(|| Ok(grass::stress::rows())),
         ..NONE
     },
-    Model { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },
-    Model {
+    ModelEntry { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },
+    ModelEntry {
         name: "visibility",
-        bench: Some(Sweep {
+        bench: Some(ModelSweep {
             steps: visibility::bench::PIECES,
             rows: visibility::bench::rows,
             pictures: None,
@@ -243,28 +243,28 @@ pub const MODELS: [Model; 26] = [
         stress: Some(|| Ok(visibility::stress::rows())),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "canopy",
         eval: verb!(eval::canopy, "What a canopy reflects of the sun, towards directions or in all"),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "abm",
         eval: verb!(eval::abm, "Light reflected, absorbed and let through by the layers of a leaf, by rays or exactly"),
-        bench: Some(Sweep {
+        bench: Some(ModelSweep {
             pictures: Some(foliar::charts::pictures),
             peers: Some((include_str!("../../tests/peers/foliar_peers.py"), foliar::peers::inputs)),
             ..sweep!(foliar::bench::rows)
         }),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "fsm",
         eval: verb!(eval::fsm, "The foliar scattering model: its lobes, rules and errors"),
         bench: Some(sweep!(foliar::pictures::rows)),
         ..NONE
     },
-    Model {
+    ModelEntry {
         name: "foliar",
         fit: verb!(fit::foliar, "Pigments of a leaf from the light that it reflects and lets through, from CSV"),
         stress: Some(|| Ok(foliar::stress::rows())),
@@ -273,13 +273,13 @@ pub const MODELS: [Model; 26] = [
 ];
 
 /// The models that have a certain part, each with that part.
-pub fn with<T>(what: fn(&Model) -> Option<T>) -> impl Iterator<Item = (&'static str, T)> {
+pub fn with<T>(what: fn(&ModelEntry) -> Option<T>) -> impl Iterator<Item = (&'static str, T)> {
     MODELS.iter().filter_map(move |model| Some((model.name, what(model)?)))
 }
 
 /// Of the models that have a certain part, those that were asked for, each once and in the order asked; all of them
 /// where none was asked for.
-pub fn asked<T>(names: &[String], what: fn(&Model) -> Option<T>) -> Vec<(&'static str, T)> {
+pub fn asked<T>(names: &[String], what: fn(&ModelEntry) -> Option<T>) -> Vec<(&'static str, T)> {
     if names.is_empty() {
         return with(what).collect();
     }
@@ -288,30 +288,30 @@ pub fn asked<T>(names: &[String], what: fn(&Model) -> Option<T>) -> Vec<(&'stati
 }
 
 /// Which verbs a command offers: those of `fit`, or those of `eval`.
-pub trait Offers {
-    fn verb(model: &Model) -> Option<Verb>;
+pub trait VerbCatalogue {
+    fn verb(model: &ModelEntry) -> Option<ModelVerb>;
 }
 
 /// The verb that was chosen, and its arguments.
 #[derive(Debug, Clone)]
-pub struct Chosen<O> {
-    verb: Verb,
+pub struct VerbChoice<O> {
+    verb: ModelVerb,
     matches: ArgMatches,
     of: PhantomData<O>,
 }
 
-impl<O: Offers> Chosen<O> {
-    pub fn run(&self, common: &Common) -> Result<u8> {
+impl<O: VerbCatalogue> VerbChoice<O> {
+    pub fn run(&self, common: &CommonArgs) -> Result<u8> {
         (self.verb.run)(&self.matches, common)
     }
 }
 
-impl<O: Offers> FromArgMatches for Chosen<O> {
+impl<O: VerbCatalogue> FromArgMatches for VerbChoice<O> {
     fn from_arg_matches(matches: &ArgMatches) -> clap::error::Result<Self> {
         let missing = || clap::Error::new(clap::error::ErrorKind::MissingSubcommand);
         let (name, matches) = matches.subcommand().ok_or_else(missing)?;
         let (_, verb) = with(O::verb).find(|(n, _)| *n == name).ok_or_else(missing)?;
-        Ok(Chosen { verb, matches: matches.clone(), of: PhantomData })
+        Ok(VerbChoice { verb, matches: matches.clone(), of: PhantomData })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> clap::error::Result<()> {
@@ -320,9 +320,9 @@ impl<O: Offers> FromArgMatches for Chosen<O> {
     }
 }
 
-impl<O: Offers> clap::Subcommand for Chosen<O> {
+impl<O: VerbCatalogue> clap::Subcommand for VerbChoice<O> {
     fn augment_subcommands(command: Command) -> Command {
-        let add = |command: Command, (name, verb): (&'static str, Verb)| {
+        let add = |command: Command, (name, verb): (&'static str, ModelVerb)| {
             command.subcommand((verb.arguments)(Command::new(name)).about(verb.about).long_about(None))
         };
         with(O::verb).fold(command.subcommand_required(true).arg_required_else_help(true), add)

@@ -4,7 +4,7 @@
 use crate::cli::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_proof::bench::BenchRow;
-use mesophyll_proof::peers::Inputs;
+use mesophyll_proof::peers::PeerInputs;
 use serde::Deserialize;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
@@ -24,7 +24,7 @@ enum Line {
 /// # Errors
 /// [`Error::Write`] where the inputs cannot be put into a temporary folder. A missing or failing peer is a message,
 /// never an error.
-pub fn rows(sweep: &str, peers: Option<(&str, fn() -> Result<Inputs>)>) -> Result<Vec<BenchRow>> {
+pub fn rows(sweep: &str, peers: Option<(&str, fn() -> Result<PeerInputs>)>) -> Result<Vec<BenchRow>> {
     let Some((script, inputs)) = peers else {
         progress::say(format!("peers of {sweep}: none to run"));
         return Ok(Vec::new());

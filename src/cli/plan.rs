@@ -1,11 +1,11 @@
 //! `mesophyll plan`.
 
-use super::Common;
+use super::CommonArgs;
 use crate::cli::Result;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::fits::missing::input_hash;
-use mesophyll_scene::placed::{leaf::Search, ledger::Ledger};
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::fits::maker::input_hash;
+use mesophyll_scene::placed::{leaf::LeafSearch, ledger::Ledger};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -18,14 +18,14 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder of an earlier run, whose fits count as done
-    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::destination::folder())]
     out: Option<PathBuf>,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let manifest = Manifest::read(&args.scene)?;
-    let search = Search { out: args.out.as_deref(), input_hash: Some(&input_hash), free: false };
-    let plan = Scene::open(manifest, search, &Ledger::new())?.plan;
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    let manifest = SceneManifest::read(&args.scene)?;
+    let search = LeafSearch { out: args.out.as_deref(), input_hash: Some(&input_hash), free: false };
+    let plan = LoadedScene::open(manifest, search, &Ledger::new())?.plan;
     if common.json {
         super::print_json(&plan)?;
     } else {

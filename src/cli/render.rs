@@ -1,13 +1,13 @@
 //! `mesophyll render`.
 
-use super::Common;
+use super::CommonArgs;
 use crate::cli::Result;
-use crate::cli::named::named;
+use crate::cli::names::named;
 use mesophyll_files::claim;
-use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::path_tracing::{self, Options, PathTracedView};
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_scene::traced::{self, Drawn, Options};
-use mesophyll_transport::tone::Tone;
+use mesophyll_transport::tone::ToneCurve;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -22,7 +22,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder for the pictures
-    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::destination::folder())]
     out: PathBuf,
     /// Only this view (default: all perspective views)
     #[arg(long, value_name = "NAME")]
@@ -40,8 +40,8 @@ pub struct Args {
     #[arg(long, value_name = "E", value_parser = positive)]
     error: Option<f64>,
     /// How radiance becomes VIEW.png
-    #[arg(long, value_parser = named::<Tone>(), default_value_t = Tone::Reinhard)]
-    tone: Tone,
+    #[arg(long, value_parser = named::<ToneCurve>(), default_value_t = ToneCurve::Reinhard)]
+    tone: ToneCurve,
     /// Go on with the pictures that an earlier run left in DIR
     #[arg(long)]
     resume: bool,
@@ -54,11 +54,11 @@ pub fn positive(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let manifest = Manifest::read(&args.scene)?;
-    let _claim = claim::folder(&args.out, claim::Kind::Render, &[&args.scene])?;
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    let manifest = SceneManifest::read(&args.scene)?;
+    let _claim = claim::folder(&args.out, claim::OutputKind::Render, &[&args.scene])?;
     let ledger = Ledger::new();
-    let scene = super::ready::scene(manifest, &args.out, &ledger)?;
+    let scene = super::preparation::scene(manifest, &args.out, &ledger)?;
     let options = Options {
         out: args.out.clone(),
         view: args.view.clone(),
@@ -70,7 +70,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         tone: args.tone,
     };
     let mut all = Vec::new();
-    let ended = traced::render(&scene, &options, &ledger, |drawn| {
+    let ended = path_tracing::render(&scene, &options, &ledger, |drawn| {
         all.push(drawn.clone());
         if common.json { Ok(()) } else { super::print(&line(drawn, args)) }
     });
@@ -81,7 +81,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 /// One view in a line.
-fn line(drawn: &Drawn, args: &Args) -> String {
+fn line(drawn: &PathTracedView, args: &Args) -> String {
     let paths = match drawn.samples {
         [least, most] if least == most => format!("{least}"),
         [least, most] => format!("{least} to {most}"),

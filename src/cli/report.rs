@@ -1,10 +1,10 @@
 //! `mesophyll report DIR…`.
 
-use super::{Common, place};
+use super::{CommonArgs, destination};
 use crate::cli::{Error, Result};
 use mesophyll_files::table::counted;
 use mesophyll_files::{claim, progress};
-use mesophyll_report::{self as report, Level, ReportSource, Verdict};
+use mesophyll_report::{self as report, QualityLevel, ReportSource, ReportVerdict};
 use std::path::{Path, PathBuf};
 
 /// Reports how good fits are: one HTML file that needs no network, or the same rows as JSON or Markdown.
@@ -36,8 +36,8 @@ pub struct Args {
     plots: Option<PathBuf>,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    if args.output.as_deref().is_some_and(place::is_stdout) && (common.json || args.markdown) {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    if args.output.as_deref().is_some_and(destination::is_stdout) && (common.json || args.markdown) {
         return Err(Error::Usage(
             "-o -: standard output already holds what --json or --markdown prints; expected the name of an HTML file"
                 .into(),
@@ -63,18 +63,18 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if path.is_dir() {
         return Err(Error::Usage(format!("{}: found a folder, expected the name of an HTML file", path.display())));
     }
-    let report = place::file(&path, |path| report::write_html(&sources, path))?;
+    let report = destination::file(&path, |path| report::write_html(&sources, path))?;
     progress::say(format_args!("{}. {}", report.verdict.level.word(), report.verdict.sentence));
     for reason in &report.verdict.reasons {
         progress::say(format_args!("  {}", reason.text));
     }
-    if !place::is_stdout(&path) {
+    if !destination::is_stdout(&path) {
         progress::say(format_args!("written: {}", path.display()));
     }
     Ok(exit_code(&report.verdict))
 }
 
 /// A workflow goes on with what is good or usable with care, and stops at what is not good.
-fn exit_code(verdict: &Verdict) -> u8 {
-    u8::from(verdict.level == Level::Bad)
+fn exit_code(verdict: &ReportVerdict) -> u8 {
+    u8::from(verdict.level == QualityLevel::Bad)
 }

@@ -1,13 +1,13 @@
 //! `mesophyll run`: the main job. Plan, scan and fit what is missing or stale, check, report.
 
-use super::Common;
+use super::CommonArgs;
 use crate::cli::Result;
 use mesophyll_files::{atomic, claim, progress};
-use mesophyll_report::{self as report, Level, ReportSource};
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::{Placed, leaf::Search};
-use mesophyll_scene::placed::{fits::missing, ledger::Ledger};
+use mesophyll_report::{self as report, QualityLevel, ReportSource};
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::{PlacedScene, leaf::LeafSearch};
+use mesophyll_scene::placed::{fits::maker, ledger::Ledger};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -26,7 +26,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder for everything the run makes (default: out/SCENE)
-    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::destination::folder())]
     out: Option<PathBuf>,
     /// Scan and fit every leaf afresh into the folder that the scene names, instead of fitting only what is missing
     /// into DIR/fits
@@ -34,9 +34,9 @@ pub struct Args {
     write_fits: bool,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let clock = Instant::now();
-    let manifest = Manifest::read(&args.scene)?;
+    let manifest = SceneManifest::read(&args.scene)?;
     manifest.require_limits()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&manifest.name));
     let _claim = claim::scene(&out, &args.scene)?;
@@ -44,8 +44,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let ledger = Ledger::new();
 
     // The plan is made once, when every fit that it depends on exists.
-    let search = Search { out: Some(&out), input_hash: Some(&missing::input_hash), free: false };
-    let mut placed = stages.time("look for fits", || Placed::new(&manifest, search, &ledger))?;
+    let search = LeafSearch { out: Some(&out), input_hash: Some(&maker::input_hash), free: false };
+    let mut placed = stages.time("look for fits", || PlacedScene::new(&manifest, search, &ledger))?;
     let wanted: Vec<usize> = if args.write_fits {
         placed.leaves.iter().filter(|l| l.used).map(|l| l.index).collect()
     } else {
@@ -55,18 +55,18 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let name = &manifest.leaves[index].name;
         let folder = match (&manifest.leaves[index].fit, args.write_fits) {
             (Some(named), true) => manifest.resolve(named),
-            _ => missing::fit_folder(&manifest, index, &out),
+            _ => maker::fit_folder(&manifest, index, &out),
         };
         let what = if manifest.leaves[index].look.is_some() { "state" } else { "fit" };
         stages.time(&format!("{what} {name}"), || {
-            missing::fit(&manifest, index, &out, &folder, args.write_fits, &ledger)?;
+            maker::fit(&manifest, index, &out, &folder, args.write_fits, &ledger)?;
             placed.find_again(&manifest, index, search, &ledger)
         })?;
     }
     if !placed.untranslucent(&manifest).is_empty() {
         stages.time("translucency", || placed.make_translucency(&manifest, &out, search, &ledger))?;
     }
-    let mut scene = stages.time("plan", || Scene::new(manifest, placed, &ledger))?;
+    let mut scene = stages.time("plan", || LoadedScene::new(manifest, placed, &ledger))?;
     if scene.manifest.transfer.is_some() {
         stages.time("light between leaves", || scene.find_transfer(&out, &ledger))?;
     }
@@ -94,29 +94,29 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let mut text = format!("{}\n{lines}", scene.plan.scene);
         text += &format!("left out: {}\n", left.join(", "));
         text += &format!("report: {}   {:.1} s in all\n", path.display(), clock.elapsed().as_secs_f64());
-        for reason in verdict.reasons.iter().filter(|r| r.level != Level::Good) {
+        for reason in verdict.reasons.iter().filter(|r| r.level != QualityLevel::Good) {
             text += &format!("{}\n", reason.text);
         }
         text += &format!("{}: {}\n", verdict.level.word(), verdict.sentence);
         super::print(&text)?;
     }
     // The report judges both fits and pictures; "usable with care" is only a warning.
-    Ok(u8::from(!passed || verdict.level == Level::Bad))
+    Ok(u8::from(!passed || verdict.level == QualityLevel::Bad))
 }
 
 /// The run's folder, and the folders of fits elsewhere.
-fn sources(scene: &Scene, out: &Path) -> Vec<ReportSource> {
+fn sources(scene: &LoadedScene, out: &Path) -> Vec<ReportSource> {
     let fits = scene.placed.leaves.iter().filter_map(|l| l.fitted.as_ref());
     let elsewhere = fits.filter(|f| !f.folder.starts_with(out));
     std::iter::once(ReportSource::folder(out)).chain(elsewhere.map(|f| ReportSource::folder(&f.folder))).collect()
 }
 
 #[cfg(feature = "render")]
-fn check(scene: &Scene, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
+fn check(scene: &LoadedScene, out: &Path, ledger: &Ledger) -> Result<(bool, String, Value)> {
     use mesophyll_check::Options;
-    use mesophyll_scene::manifest::Interior;
+    use mesophyll_scene::manifest::InteriorSource;
     let options = Options { out: out.to_path_buf(), ..Options::default() };
-    let compare = scene.manifest.leaves.iter().any(|l| l.interior == Interior::Maps);
+    let compare = scene.manifest.leaves.iter().any(|l| l.interior == InteriorSource::Maps);
     let (passed, text, json) = super::check::judged(scene, &options, compare.then_some(Some(out)), ledger)?;
     if compare {
         write_json(&out.join("check.json"), &json)?;
@@ -125,7 +125,7 @@ fn check(scene: &Scene, out: &Path, ledger: &Ledger) -> Result<(bool, String, Va
 }
 
 #[cfg(not(feature = "render"))]
-fn check(_: &Scene, _: &Path, _: &Ledger) -> Result<(bool, String, Value)> {
+fn check(_: &LoadedScene, _: &Path, _: &Ledger) -> Result<(bool, String, Value)> {
     Ok((false, "nothing was checked: this build has no renderer (feature `render`)\n".into(), Value::Null))
 }
 
@@ -140,7 +140,7 @@ struct Stages(Vec<(String, f64)>);
 impl Stages {
     fn time<T>(&mut self, name: &str, body: impl FnOnce() -> Result<T>) -> Result<T> {
         progress::say(format!("{name} …"));
-        let _bar = progress::Bar::of(name);
+        let _bar = progress::TaskProgress::of(name);
         let start = Instant::now();
         let result = body();
         let seconds = start.elapsed().as_secs_f64();

@@ -1,6 +1,6 @@
 //! `mesophyll stress`: the committed tables of stiff and extreme cases, each with the verdict that it must get.
 
-use super::{Common, models};
+use super::{CommonArgs, models};
 use crate::cli::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use mesophyll_files::progress;
@@ -48,15 +48,15 @@ fn named(table: &str, mut rows: Vec<StressRow>) -> Vec<StressRow> {
 
 /// Runs the tables. Returns 0 where every case got the verdict that it expects; otherwise it returns 1 and the other
 /// cases are named.
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let wanted = models::asked(&args.models, |m| m.stress);
-    let bar = progress::Bar::new("stress tables", wanted.len() as u64);
+    let bar = progress::TaskProgress::new("stress tables", wanted.len() as u64);
     let mut all: Vec<StressRow> = Vec::new();
     for (name, table) in wanted {
         if progress::stop_requested() {
             return Err(Error::Interrupted("stopped between two stress tables; nothing was printed".into()));
         }
-        let _part = progress::Bar::of(name);
+        let _part = progress::TaskProgress::of(name);
         all.extend(named(name, table()?));
         bar.advance(1);
     }

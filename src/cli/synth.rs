@@ -2,20 +2,20 @@
 //! it under a dome and scans its heights, photographs the light that comes through it, or photographs it in open shade
 //! and on a light table.
 
-use super::Common;
-use crate::cli::named::named;
+use super::CommonArgs;
+use crate::cli::names::named;
 use crate::cli::{Error, Result};
-use mesophyll_capture::beams::manifest::Beam;
-use mesophyll_capture::kind::Kind;
+use mesophyll_capture::beams::manifest::BeamPhotograph;
+use mesophyll_capture::kind::CaptureKind;
 use mesophyll_files::{claim, progress};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 use mesophyll_synth::beams;
 use mesophyll_synth::dome;
-use mesophyll_synth::leaf::Leaf;
+use mesophyll_synth::leaf::SyntheticLeaf;
 use mesophyll_synth::photo;
 use mesophyll_synth::scan::{self, Options};
-use mesophyll_synth::spec::{Model, Spec};
+use mesophyll_synth::spec::{InteriorModel, LeafSpec};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -30,14 +30,14 @@ pub struct Args {
     #[arg(value_name = "SPEC.toml")]
     spec: PathBuf,
     /// Folder to write the capture to
-    #[arg(short, long, alias = "output", value_name = "CAPTURE", value_parser = super::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "CAPTURE", value_parser = super::destination::folder())]
     out: PathBuf,
     /// Size of the frames in texels; the blade keeps its size in mm
     #[arg(long, value_name = "WxH", default_value = "720x540")]
     size: String,
     /// How the leaf is measured
-    #[arg(long, value_parser = named::<Kind>(), default_value_t = Kind::Tube)]
-    acquisition: Kind,
+    #[arg(long, value_parser = named::<CaptureKind>(), default_value_t = CaptureKind::Tube)]
+    acquisition: CaptureKind,
     /// Frames a pass (8 to 10000) [default: 100]
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
@@ -73,8 +73,8 @@ pub struct Args {
     #[arg(long, value_name = "SIDE,DEG,DEG", allow_hyphen_values = true)]
     beam: Vec<String>,
     /// Truth of the leaf, instead of the specification's
-    #[arg(long, value_parser = named::<Model>())]
-    model: Option<Model>,
+    #[arg(long, value_parser = named::<InteriorModel>())]
+    model: Option<InteriorModel>,
     /// Keep the three 16-bit exposures of every frame beside it
     #[arg(long)]
     raw_exposures: bool,
@@ -83,13 +83,13 @@ pub struct Args {
     force: bool,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let (width, height) = parse_size(&args.size)?;
     if !(0.0..=1.0).contains(&args.noise) {
         return Err(Error::argument("--noise", args.noise, "0 to 1"));
     }
-    use Kind::{Beams, Dome, Tube};
-    let options: [(&str, bool, &[Kind], &str); 7] = [
+    use CaptureKind::{Beams, Dome, Tube};
+    let options: [(&str, bool, &[CaptureKind], &str); 7] = [
         ("--frames", args.frames.is_some(), &[Tube], "tube"),
         ("--passes", args.passes.is_some(), &[Tube], "tube"),
         ("--raw-exposures", args.raw_exposures, &[Tube], "tube"),
@@ -104,17 +104,17 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Err(Error::Usage(format!("{option}: has no meaning here, expected with --acquisition {needs} only")));
     }
     match args.acquisition {
-        Kind::Tube => tube(args, common, width, height),
-        Kind::Dome => under_dome(args, common, width, height),
-        Kind::Beams => under_beams(args, common, width, height),
-        Kind::Photo => in_shade(args, common, width, height),
+        CaptureKind::Tube => tube(args, common, width, height),
+        CaptureKind::Dome => under_dome(args, common, width, height),
+        CaptureKind::Beams => under_beams(args, common, width, height),
+        CaptureKind::Photo => in_shade(args, common, width, height),
     }
 }
 
 /// The leaf's truth, which must be a slab where light travels sideways through the leaf.
-fn slab(args: &Args, spec: &Spec) -> Result<Model> {
+fn slab(args: &Args, spec: &LeafSpec) -> Result<InteriorModel> {
     match spec.truth(&args.spec, args.model)? {
-        Model::Foliar => Err(Error::Usage(
+        InteriorModel::Foliar => Err(Error::Usage(
             "--acquisition dome, beams and photo spread light sideways by σa and σs, which the model foliar does not \
              have; expected --acquisition tube, or --model exact with a specification that has [interior]"
                 .into(),
@@ -123,7 +123,7 @@ fn slab(args: &Args, spec: &Spec) -> Result<Model> {
     }
 }
 
-fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
+fn under_dome(args: &Args, common: &CommonArgs, width: usize, height: usize) -> Result<u8> {
     let height_noise_mm = args.height_noise.unwrap_or(0.01);
     if !(0.0..=10.0).contains(&height_noise_mm) {
         return Err(Error::argument("--height-noise", height_noise_mm, "0 to 10 mm"));
@@ -132,7 +132,7 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
         return Err(Error::argument("--size", format!("{width}x{height}"), "at least 3x3 for heights to have slopes"));
     }
     let patch = patch(args)?;
-    let spec = Spec::read(&args.spec)?;
+    let spec = LeafSpec::read(&args.spec)?;
     let options = dome::Options {
         width,
         height,
@@ -144,7 +144,7 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
     };
     let _claim = claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
-    let blade = dome::Blade::grow(&spec, &options)?.ok_or_else(|| {
+    let blade = dome::DomeLeaf::grow(&spec, &options)?.ok_or_else(|| {
         Error::Usage(format!(
             "--size {width}x{height}: not one texel lies on the leaf; expected a larger size, or a patch on the leaf"
         ))
@@ -169,12 +169,12 @@ fn under_dome(args: &Args, common: &Common, width: usize, height: usize) -> Resu
 /// Narrowest pictures in which leaf, card and ruler have room (pixels).
 const PHOTO: [usize; 2] = [96, 72];
 
-fn in_shade(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
+fn in_shade(args: &Args, common: &CommonArgs, width: usize, height: usize) -> Result<u8> {
     if width < PHOTO[0] || height < PHOTO[1] {
         let expected = format!("at least {}x{} for leaf, card and ruler", PHOTO[0], PHOTO[1]);
         return Err(Error::argument("--size", format!("{width}x{height}"), &expected));
     }
-    let spec = Spec::read(&args.spec)?;
+    let spec = LeafSpec::read(&args.spec)?;
     let options = photo::Options { width, height, noise: args.noise, seed: args.seed, model: slab(args, &spec)? };
     let _claim = claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
@@ -216,7 +216,7 @@ fn patch(args: &Args) -> Result<Option<(f64, [f64; 2])>> {
 }
 
 /// `front,60,0`: lit side, elevation, azimuth.
-fn beam(text: &str) -> Result<Beam> {
+fn beam(text: &str) -> Result<BeamPhotograph> {
     let fail =
         || Error::argument("--beam", text, "front or back, an elevation above 0 to 90 and an azimuth, as front,60,0");
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
@@ -228,18 +228,18 @@ fn beam(text: &str) -> Result<Beam> {
     };
     match (elevation.parse::<f64>(), azimuth.parse::<f64>()) {
         (Ok(e), Ok(a)) if e > 0.0 && e <= 90.0 && (-360.0..=360.0).contains(&a) => {
-            Ok(Beam { file: String::new(), lit, elevation_deg: e, azimuth_deg: a })
+            Ok(BeamPhotograph { file: String::new(), lit, elevation_deg: e, azimuth_deg: a })
         }
         _ => Err(fail()),
     }
 }
 
-fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
+fn under_beams(args: &Args, common: &CommonArgs, width: usize, height: usize) -> Result<u8> {
     if width.min(height) < 3 {
         return Err(Error::argument("--size", format!("{width}x{height}"), "at least 3x3"));
     }
-    let given = args.beam.iter().map(|text| beam(text)).collect::<Result<Vec<Beam>>>()?;
-    let spec = Spec::read(&args.spec)?;
+    let given = args.beam.iter().map(|text| beam(text)).collect::<Result<Vec<BeamPhotograph>>>()?;
+    let spec = LeafSpec::read(&args.spec)?;
     let options = beams::Options {
         width,
         height,
@@ -273,12 +273,12 @@ fn under_beams(args: &Args, common: &Common, width: usize, height: usize) -> Res
     Ok(0)
 }
 
-fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8> {
+fn tube(args: &Args, common: &CommonArgs, width: usize, height: usize) -> Result<u8> {
     let frames = args.frames.unwrap_or(100);
     if !(8..=10_000).contains(&frames) {
         return Err(Error::argument("--frames", frames, "8 to 10000"));
     }
-    let mut spec = Spec::read(&args.spec)?;
+    let mut spec = LeafSpec::read(&args.spec)?;
     if let Some((size, _)) = patch(args)? {
         spec.field_mm = [size, size * height as f64 / width as f64];
     }
@@ -294,7 +294,7 @@ fn tube(args: &Args, common: &Common, width: usize, height: usize) -> Result<u8>
     };
     let _claim = claim::capture(&args.out, &[&args.spec], args.force)?;
     progress::say(format!("growing {} ({})", spec.name, spec.species));
-    let leaf = Leaf::grow(&spec, options.model, width, height).ok_or_else(|| {
+    let leaf = SyntheticLeaf::grow(&spec, options.model, width, height).ok_or_else(|| {
         Error::Usage(format!("--size {width}x{height}: not one texel lies on the leaf; expected a larger size"))
     })?;
     let manifest = claim::capturing(&args.out, || scan::scan(&spec, &leaf, &options, &args.out))?;

@@ -1,6 +1,6 @@
 //! `mesophyll view`.
 
-use super::Common;
+use super::CommonArgs;
 use crate::cli::Result;
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder of a run, whose fits are shown; screenshots and edited fits go there (default: out/view/SCENE)
-    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::place::folder())]
+    #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::destination::folder())]
     out: Option<PathBuf>,
     /// Environment map that is seen behind the scene and lights nothing: OpenEXR or Radiance, 2:1, zenith on top
     #[arg(long, value_name = "FILE")]
@@ -31,21 +31,21 @@ pub struct Args {
 }
 
 #[cfg(feature = "render")]
-pub fn run(args: &Args, _common: &Common) -> Result<u8> {
+pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     use crate::cli::Error;
     use mesophyll_check as check;
     use mesophyll_files::{claim, progress};
-    use mesophyll_scene::manifest::{Manifest, ViewKind};
-    use mesophyll_scene::placed::{Placed, fits::missing, leaf::Search, ledger::Ledger};
-    use mesophyll_scene::{draw::handover, loaded::Scene, window::edit::SceneEditor};
+    use mesophyll_scene::manifest::{SceneManifest, ViewKind};
+    use mesophyll_scene::placed::{PlacedScene, fits::maker, leaf::LeafSearch, ledger::Ledger};
+    use mesophyll_scene::{draw::handover, loaded::LoadedScene, window::edit::SceneEditor};
     use mesophyll_transport::environment::Environment;
     use mesophyll_viewer::scene::Backdrop;
     use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
-    let manifest = Manifest::read(&args.scene)?;
+    let manifest = SceneManifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let search = Search { out: args.out.as_deref(), input_hash: Some(&missing::input_hash), free: true };
-    let mut placed = Placed::new(&manifest, search, &ledger)?;
+    let search = LeafSearch { out: args.out.as_deref(), input_hash: Some(&maker::input_hash), free: true };
+    let mut placed = PlacedScene::new(&manifest, search, &ledger)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/view").join(&manifest.name));
     placed.make_looks(&manifest, &out, search, &ledger)?;
     if let Some(missing) = placed.unfitted().first() {
@@ -64,7 +64,7 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
     }
     placed.make_translucency(&manifest, &out, search, &ledger)?;
     placed.out = Some(out.clone());
-    let mut planned = Scene::new(manifest, placed, &ledger)?;
+    let mut planned = LoadedScene::new(manifest, placed, &ledger)?;
     planned.find_transfer(&out, &ledger)?;
     let manifest = &planned.manifest;
     for warning in &planned.plan.warnings {
@@ -107,6 +107,6 @@ pub fn run(args: &Args, _common: &Common) -> Result<u8> {
 }
 
 #[cfg(not(feature = "render"))]
-pub fn run(_args: &Args, _common: &Common) -> Result<u8> {
+pub fn run(_args: &Args, _common: &CommonArgs) -> Result<u8> {
     Err(crate::cli::Error::Missed("nothing to open: this build has no renderer (feature `render`)".into()))
 }

@@ -20,7 +20,7 @@ const TRIES: usize = 16;
 /// Naming `path`: [`Error::Usage`] when nothing can be written there, [`Error::Write`] when the disk is full; the
 /// temporary file is removed.
 pub fn write(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let mut pending = Pending::create(path)?;
+    let mut pending = PendingFile::create(path)?;
     fill(&mut pending).map_err(|e| Error::write(path, explain(&e)))?;
     pending.finish()
 }
@@ -35,7 +35,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
 /// it leads to is written, and the link stays. A new file gets the mode that the umask leaves; a replaced file keeps
 /// its mode.
 #[derive(Debug)]
-pub struct Pending {
+pub struct PendingFile {
     target: Option<Target>,
     /// The name that was asked for.
     path: PathBuf,
@@ -74,7 +74,7 @@ enum Target {
     InPlace(BufWriter<fs::File>),
 }
 
-impl Pending {
+impl PendingFile {
     /// Opens a temporary file in the folder of `path` (created if missing).
     ///
     /// # Errors
@@ -93,7 +93,7 @@ impl Pending {
                 Self::temporary(&real).map_err(|(at, e)| unopened(if at == real { path } else { &at }, &e))?,
             )
         };
-        Ok(Pending { target: Some(target), path: path.to_path_buf(), real })
+        Ok(PendingFile { target: Some(target), path: path.to_path_buf(), real })
     }
 
     /// A temporary file beside `path`. Where that fails, returns the place and the reason.
@@ -243,7 +243,7 @@ fn is_full(e: &io::Error) -> bool {
     matches!(e.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
 }
 
-impl Drop for Pending {
+impl Drop for PendingFile {
     fn drop(&mut self) {
         if let Some(Target::Temporary(writer)) = &self.target {
             unfinished().remove(writer.get_ref().path());
@@ -254,7 +254,7 @@ impl Drop for Pending {
 trait WriteSeek: Write + io::Seek {}
 impl<T: Write + io::Seek> WriteSeek for T {}
 
-impl Write for Pending {
+impl Write for PendingFile {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         self.with(|w| w.write(buf))
     }
@@ -263,7 +263,7 @@ impl Write for Pending {
     }
 }
 
-impl io::Seek for Pending {
+impl io::Seek for PendingFile {
     fn seek(&mut self, pos: io::SeekFrom) -> io::Result<u64> {
         self.with(|w| w.seek(pos))
     }
@@ -339,8 +339,8 @@ mod tests {
         let path = dir.path().join("a.txt");
         // What a killed run leaves: a file that nobody has locked.
         fs::write(dir.path().join(".a.txt.partial"), "a rest that is longer").unwrap();
-        let mut first = Pending::create(&path).unwrap();
-        let refused = Pending::create(&path).unwrap_err();
+        let mut first = PendingFile::create(&path).unwrap();
+        let refused = PendingFile::create(&path).unwrap_err();
         assert!(refused.is_usage() && refused.to_string().contains("a.txt: another run is writing it"), "{refused}");
         first.write_all(b"first").unwrap();
         first.finish().unwrap();
@@ -353,7 +353,7 @@ mod tests {
     fn what_is_being_written_can_be_removed() {
         let dir = tempfile::tempdir().unwrap();
         let count = || fs::read_dir(dir.path()).unwrap().count();
-        let mut half = Pending::create(&dir.path().join("half.txt")).unwrap();
+        let mut half = PendingFile::create(&dir.path().join("half.txt")).unwrap();
         half.write_all(b"half").unwrap();
         write_bytes(&dir.path().join("whole.txt"), b"whole").unwrap();
         assert_eq!(count(), 2);

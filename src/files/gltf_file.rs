@@ -1,21 +1,21 @@
 //! Opens glTF files that others wrote (`.glb`, or `.gltf` with buffers beside it). A file that leads out of its folder,
 //! ends too early or has values that are not finite is refused with one sentence before it is used.
 
+mod compression;
+mod decoding;
 mod instances;
 mod mask;
-mod packed;
-mod plain;
 #[cfg(test)]
 mod tests;
 
 use crate::atomic::explain;
-use crate::unit::Unit;
-use crate::{Error, Result, guard, whole};
+use crate::unit::LengthUnit;
+use crate::{Error, Result, guard, whole_file};
+pub use decoding::INSTANCING;
 use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Mode;
 pub use instances::places;
-pub use mask::{Mask, colour};
-pub use plain::INSTANCING;
+pub use mask::{AlphaMask, colour};
 use serde_json::{Value, json};
 use std::path::{Component, Path};
 
@@ -27,13 +27,13 @@ pub const MOST_TRIANGLES: usize = 5_000_000;
 
 /// A file with all its buffers in memory.
 #[derive(Debug)]
-pub struct Opened {
+pub struct GltfDocument {
     /// Nodes, meshes, materials.
     pub document: gltf::Document,
     /// Data by the index of the buffer.
     pub buffers: Vec<gltf::buffer::Data>,
     /// Unit of the file's lengths: the metre, unless `asset.extras.unit` says otherwise.
-    pub unit: Unit,
+    pub unit: LengthUnit,
     /// The file's JSON with everything that `document` lacks: pictures, textures, all of the materials. Its vertices
     /// are floats, and nothing in it is compressed.
     root: Value,
@@ -47,8 +47,8 @@ pub struct Opened {
 ///
 /// # Errors
 /// [`Error::Input`] naming the file: missing, damaged, a buffer or a picture outside its folder; and those of `with`.
-pub fn read<T>(path: &Path, understood: &[&str], with: impl FnOnce(Opened) -> Result<T>) -> Result<T> {
-    let bytes = whole::bytes(path, whole::MOST_DATA)?;
+pub fn read<T>(path: &Path, understood: &[&str], with: impl FnOnce(GltfDocument) -> Result<T>) -> Result<T> {
+    let bytes = whole_file::bytes(path, whole_file::MOST_DATA)?;
     guard::guarded(|| parse(path, &bytes, understood).and_then(with))
         .unwrap_or_else(|| Err(Error::input(path, "not a readable glTF file (damaged)")))
 }
@@ -56,7 +56,7 @@ pub fn read<T>(path: &Path, understood: &[&str], with: impl FnOnce(Opened) -> Re
 /// Largest number of entries of an accessor; no mesh here has more.
 const MOST_ENTRIES: u64 = 100_000_000;
 
-fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
+fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<GltfDocument> {
     let bad = |e: gltf::Error| Error::input(path, sentence(&e));
     let (json, mut blob) = if bytes.starts_with(b"glTF") {
         let glb = gltf::binary::Glb::from_slice(bytes).map_err(bad)?;
@@ -66,7 +66,7 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
     };
     let unread = |e: serde_json::Error| bad(gltf::Error::Deserialize(e));
     let mut root: Value = serde_json::from_slice(&json).map_err(unread)?;
-    plain::required(path, &root, understood)?;
+    decoding::required(path, &root, understood)?;
     // A sparse accessor can promise entries for which it has no bytes.
     for (k, accessor) in root["accessors"].as_array().into_iter().flatten().enumerate() {
         if let Some(long) = accessor["count"].as_u64().filter(|n| *n > MOST_ENTRIES) {
@@ -84,9 +84,9 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
     for (k, buffer) in root["buffers"].as_array().into_iter().flatten().enumerate() {
         buffers.push(load(path, folder, &format!("buffers[{k}]"), buffer, &mut blob)?);
     }
-    plain::unpack(path, &mut root, &mut buffers)?;
-    plain::widen(path, &mut root, &mut buffers)?;
-    let json: gltf::json::Root = serde_json::from_value(plain::bare(&root, &buffers)).map_err(unread)?;
+    decoding::unpack(path, &mut root, &mut buffers)?;
+    decoding::widen(path, &mut root, &mut buffers)?;
+    let json: gltf::json::Root = serde_json::from_value(decoding::bare(&root, &buffers)).map_err(unread)?;
     corners_exist(path, &json)?;
     let document = gltf::Document::from_json(json).map_err(bad)?;
     // Each node may have at most one parent: otherwise a small file could require an endless number of visits.
@@ -99,7 +99,7 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<Opened> {
         }
     }
     let unit = own_unit(path, &document)?;
-    Ok(Opened { document, buffers: buffers.into_iter().map(gltf::buffer::Data).collect(), unit, root })
+    Ok(GltfDocument { document, buffers: buffers.into_iter().map(gltf::buffer::Data).collect(), unit, root })
 }
 
 /// The data of a buffer, which is called `field` in messages.
@@ -111,7 +111,7 @@ fn load(path: &Path, folder: &Path, field: &str, buffer: &Value, blob: &mut Opti
             gltf::buffer::Source::Uri(uri)
         }
         // The place of what compressed views stand for, which has no data of its own.
-        None if packed::NAMES.iter().any(|name| buffer["extensions"][*name]["fallback"] == true) => {
+        None if compression::NAMES.iter().any(|name| buffer["extensions"][*name]["fallback"] == true) => {
             return Ok(Vec::new());
         }
         None => gltf::buffer::Source::Bin,
@@ -149,7 +149,7 @@ fn corners_exist(path: &Path, json: &gltf::json::Root) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Input`]: a picture that is missing.
-pub fn whole(path: &Path, opened: &Opened) -> Result<(Value, Vec<u8>)> {
+pub fn whole(path: &Path, opened: &GltfDocument) -> Result<(Value, Vec<u8>)> {
     let mut root = opened.root.clone();
     let (mut bin, mut starts) = (Vec::new(), Vec::new());
     let add = |bin: &mut Vec<u8>, bytes: &[u8]| {
@@ -173,7 +173,7 @@ pub fn whole(path: &Path, opened: &Opened) -> Result<(Value, Vec<u8>)> {
     for image in root.get_mut("images").and_then(Value::as_array_mut).into_iter().flatten() {
         let Some(uri) = image["uri"].as_str().filter(|uri| !uri.starts_with("data:")) else { continue };
         let beside = folder.join(percent_decode(uri));
-        let picture = whole::bytes(&beside, whole::MOST_DATA)?;
+        let picture = whole_file::bytes(&beside, whole_file::MOST_DATA)?;
         if picture.starts_with(b"\x89PNG") || picture.starts_with(b"\xff\xd8") {
             image["mimeType"] = json!(if picture[0] == 0xff { "image/jpeg" } else { "image/png" });
         } else if !image["mimeType"].is_string() {
@@ -190,7 +190,7 @@ pub fn whole(path: &Path, opened: &Opened) -> Result<(Value, Vec<u8>)> {
 
 /// Positions of a primitive's vertices in its mesh's frame, and three indices for each triangle.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Surface {
+pub struct GltfPrimitive {
     /// A vertex each.
     pub positions: Vec<DVec3>,
     /// Three a triangle.
@@ -207,7 +207,7 @@ pub fn surface(
     field: &str,
     primitive: &gltf::Primitive,
     buffers: &[gltf::buffer::Data],
-) -> Result<Surface> {
+) -> Result<GltfPrimitive> {
     let reader = primitive.reader(|b| buffers.get(b.index()).map(|d| d.0.as_slice()));
     let missing = |what: &str| Error::field(path, &format!("{field}.{what}"), "missing or out of the buffer's range");
     let positions: Vec<DVec3> = reader.read_positions().ok_or_else(|| missing("POSITION"))?.map(wide).collect();
@@ -228,7 +228,7 @@ pub fn surface(
     if positions.iter().any(|p| !p.is_finite()) {
         return Err(Error::field(path, field, "found a vertex that is not finite"));
     }
-    Ok(Surface { positions, indices })
+    Ok(GltfPrimitive { positions, indices })
 }
 
 /// The corners of the triangles that a primitive's vertices are joined to (glTF 2.0, §3.7.2.1).
@@ -272,13 +272,13 @@ pub fn wide(v: [f32; 3]) -> DVec3 {
 }
 
 /// What the file says about its lengths.
-fn own_unit(path: &Path, document: &gltf::Document) -> Result<Unit> {
+fn own_unit(path: &Path, document: &gltf::Document) -> Result<LengthUnit> {
     let extras = document.as_json().asset.extras.as_ref();
     let said = extras
         .and_then(|raw| serde_json::from_str::<serde_json::Value>(raw.get()).ok())
         .and_then(|v| v.get("unit").cloned());
     match said {
-        None => Ok(Unit::Metre),
+        None => Ok(LengthUnit::Metre),
         Some(unit) => serde_json::from_value(unit.clone())
             .map_err(|_| Error::unexpected(path, "asset.extras.unit", unit, "\"mm\", \"cm\" or \"m\"")),
     }

@@ -1,7 +1,7 @@
 //! Content hashes (BLAKE3, hexadecimal): what a fit was made from, and whether a file is still what was written.
 
 use crate::atomic::explain;
-use crate::{Error, Result, whole};
+use crate::{Error, Result, whole_file};
 use std::io;
 use std::path::Path;
 
@@ -13,7 +13,7 @@ pub fn bytes(data: &[u8]) -> String {
 /// Hash of a file's content, streamed. Of a pipe or a device no more is read than [`whole::bytes`] does.
 pub fn file(path: &Path) -> Result<String> {
     if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
-        return Ok(bytes(&whole::bytes(path, whole::MOST_DATA)?));
+        return Ok(bytes(&whole_file::bytes(path, whole_file::MOST_DATA)?));
     }
     let mut source = std::fs::File::open(path).map_err(|e| Error::input(path, explain(&e)))?;
     let mut hasher = blake3::Hasher::new();

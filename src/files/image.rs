@@ -1,6 +1,6 @@
 //! Maps on disk: OpenEXR with named float channels (the truth) and 8-bit PNG (the preview).
 
-use crate::atomic::{self, Pending};
+use crate::atomic::{self, PendingFile};
 use crate::{Error, Result, guard, memory};
 use exr::block::reader::ChunksReader;
 use exr::meta::header::Header;
@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// Named single-precision channels of one size; row 0 is the top row, samples are row-major.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Maps {
+pub struct ChannelMaps {
     /// Texels a row.
     pub width: usize,
     /// Rows.
@@ -63,10 +63,10 @@ pub enum Packing {
     Half,
 }
 
-impl Maps {
+impl ChannelMaps {
     /// Maps of this size without a channel.
     pub fn new(width: usize, height: usize) -> Self {
-        Maps { width, height, channels: Vec::new() }
+        ChannelMaps { width, height, channels: Vec::new() }
     }
 
     /// Adds a channel; its length must be `width · height`.
@@ -162,7 +162,7 @@ pub(crate) fn in_proportion(path: &Path, [w, h]: [usize; 2], channels: usize, le
 }
 
 /// Reads every channel of an EXR file; half and integer samples become float.
-pub fn read_exr(path: &Path) -> Result<Maps> {
+pub fn read_exr(path: &Path) -> Result<ChannelMaps> {
     read_exr_rows(path, None, None)
 }
 
@@ -171,7 +171,7 @@ pub fn read_exr(path: &Path) -> Result<Maps> {
 ///
 /// # Errors
 /// [`Error::Input`] naming the file and, for a missing channel, the channel.
-pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usize>>) -> Result<Maps> {
+pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usize>>) -> Result<ChannelMaps> {
     read_exr_part(path, 0, names, rows)
 }
 
@@ -179,7 +179,12 @@ pub fn read_exr_rows(path: &Path, names: Option<&[&str]>, rows: Option<Range<usi
 ///
 /// # Errors
 /// As [`read_exr_rows`].
-pub fn read_exr_part(path: &Path, part: usize, names: Option<&[&str]>, rows: Option<Range<usize>>) -> Result<Maps> {
+pub fn read_exr_part(
+    path: &Path,
+    part: usize,
+    names: Option<&[&str]>,
+    rows: Option<Range<usize>>,
+) -> Result<ChannelMaps> {
     let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
     guarded(path, || {
         let reader = exr::block::read(BufReader::with_capacity(1 << 17, file), false).map_err(|e| broken(path, &e))?;
@@ -255,7 +260,7 @@ pub fn read_exr_part(path: &Path, part: usize, names: Option<&[&str]>, rows: Opt
         if filled < count * wanted.len() {
             return Err(Error::input(path, "some scan lines are missing (truncated?)"));
         }
-        Ok(Maps { width: info.width, height: rows.len(), channels: wanted.into_iter().zip(planes).collect() })
+        Ok(ChannelMaps { width: info.width, height: rows.len(), channels: wanted.into_iter().zip(planes).collect() })
     })
 }
 
@@ -295,7 +300,7 @@ fn broken(path: &Path, e: &exr::error::Error) -> Error {
 }
 
 /// Writes float channels, whole or not at all.
-pub fn write_exr(path: &Path, maps: &Maps, packing: Packing) -> Result<()> {
+pub fn write_exr(path: &Path, maps: &ChannelMaps, packing: Packing) -> Result<()> {
     let samples = |s: &[f32]| match packing {
         Packing::Half => FlatSamples::F16(s.iter().map(|v| exr::prelude::f16::from_f32(*v)).collect()),
         Packing::Raw | Packing::Zip => FlatSamples::F32(s.to_vec()),
@@ -313,7 +318,7 @@ pub fn write_exr(path: &Path, maps: &Maps, packing: Packing) -> Result<()> {
     let layer =
         Layer::new((maps.width, maps.height), LayerAttributes::default(), encoding, AnyChannels::sort(channels));
     let image = Image::from_layer(layer);
-    let mut pending = Pending::create(path)?;
+    let mut pending = PendingFile::create(path)?;
     image.write().non_parallel().to_buffered(&mut pending).map_err(|e| match e {
         exr::error::Error::Io(io) => Error::write(path, atomic::explain(&io)),
         other => Error::write(path, other),

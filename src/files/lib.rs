@@ -18,7 +18,7 @@ pub mod progress;
 pub mod quantity;
 pub mod table;
 pub mod unit;
-pub mod whole;
+pub mod whole_file;
 
 pub(crate) use mesophyll_base::error::{Error, Result};
 

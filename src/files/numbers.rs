@@ -2,7 +2,7 @@
 //! skipped. Encodings and line ends are those of tables.
 
 use crate::table::plain_text;
-use crate::{Error, Result, whole};
+use crate::{Error, Result, whole_file};
 use std::path::Path;
 
 /// Reads entries of `N` finite numbers; `what` names them for messages ("radius, centre x y z").
@@ -10,7 +10,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Input`] naming the file, the line, what was found and what was expected; also for a file without an entry.
 pub fn read<const N: usize>(path: &Path, what: &str) -> Result<Vec<[f64; N]>> {
-    let text = plain_text(&whole::bytes(path, whole::MOST_DATA)?);
+    let text = plain_text(&whole_file::bytes(path, whole_file::MOST_DATA)?);
     let text = text.ok_or_else(|| Error::input(path, "found bytes that are no UTF-8 text"))?;
     let mut out = Vec::new();
     for (k, line) in text.lines().enumerate() {

@@ -206,12 +206,12 @@ fn print_lines() {
 
 /// A piece of work under way, of `total` steps (0: nobody knows how many). It ends when the value is dropped.
 #[derive(Debug)]
-pub struct Bar {
+pub struct TaskProgress {
     task: Arc<Task>,
     drawn: indicatif::ProgressBar,
 }
 
-impl Bar {
+impl TaskProgress {
     /// Begins a piece of work of `total` steps.
     pub fn new(what: impl Into<String>, total: u64) -> Self {
         let outermost = tasks().is_empty();
@@ -229,12 +229,12 @@ impl Bar {
         } else {
             drawn(&task)
         };
-        Bar { task, drawn }
+        TaskProgress { task, drawn }
     }
 
     /// Work without a count of steps.
     pub fn of(what: impl Into<String>) -> Self {
-        Bar::new(what, 0)
+        TaskProgress::new(what, 0)
     }
 
     /// Reports that this many more steps are done.
@@ -283,7 +283,7 @@ fn styled(bar: &indicatif::ProgressBar, total: u64) {
     }
 }
 
-impl Drop for Bar {
+impl Drop for TaskProgress {
     fn drop(&mut self) {
         tasks().retain(|t| !Arc::ptr_eq(t, &self.task));
         self.drawn.finish_and_clear();

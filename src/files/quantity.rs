@@ -1,7 +1,7 @@
 //! What a map of a leaf holds, and the names of its channels: `rho_d.R`, `normal.X`, `thickness.Y`. Fits, the truth of
 //! synthetic captures and exports take the names of their channels only from this list.
 
-use crate::image::Maps;
+use crate::image::ChannelMaps;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -103,7 +103,7 @@ pub fn channels(quantities: &[Quantity]) -> Vec<String> {
     quantities.iter().flat_map(|q| q.channels()).collect()
 }
 
-impl Maps {
+impl ChannelMaps {
     /// Channel `c` of a quantity, where there is one.
     pub fn plane(&self, quantity: Quantity, c: usize) -> Option<&[f32]> {
         self.get(&quantity.channel(c))
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(parts, [("sigma_a", "G"), ("thickness", ""), ("normal", "Y"), ("odd", "")]);
         assert_eq!(Quantity::ReducedChi2.channel(0), "reduced_chi2.Y");
         assert!(Quantity::iter().all(|q| q.name().parse() == Ok(q)));
-        let mut maps = Maps::new(1, 1);
+        let mut maps = ChannelMaps::new(1, 1);
         for c in 0..3 {
             maps.add(Quantity::RhoD, c, vec![c as f32]);
         }

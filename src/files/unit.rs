@@ -15,7 +15,7 @@ use serde::Deserialize;
     strum::EnumIter,
     strum::EnumMessage,
 )]
-pub enum Unit {
+pub enum LengthUnit {
     /// Micrometres
     #[serde(rename = "um")]
     #[strum(to_string = "um", serialize = "µm", serialize = "μm", serialize = "micron", serialize = "microns")]
@@ -34,14 +34,14 @@ pub enum Unit {
     Metre,
 }
 
-impl Unit {
+impl LengthUnit {
     /// One unit in mm.
     pub fn mm(self) -> f64 {
         match self {
-            Unit::Micrometre => 1e-3,
-            Unit::Millimetre => 1.0,
-            Unit::Centimetre => 10.0,
-            Unit::Metre => 1000.0,
+            LengthUnit::Micrometre => 1e-3,
+            LengthUnit::Millimetre => 1.0,
+            LengthUnit::Centimetre => 10.0,
+            LengthUnit::Metre => 1000.0,
         }
     }
 }

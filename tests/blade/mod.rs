@@ -4,8 +4,8 @@
 
 use glam::{DVec2, DVec3};
 use mesophyll::files::hash;
-use mesophyll::files::image::{Maps, Packing, write_exr};
-use mesophyll::fits::record::{FitRecord, Param, Section};
+use mesophyll::files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll::fits::record::{FitParameter, FitRecord, RecordSection};
 use mesophyll::optics::slab;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -144,24 +144,24 @@ impl Blade {
                     put("reduced_chi2.Y".into(), 1.0);
                 }
             }
-            let mut maps = Maps::new(w, h);
+            let mut maps = ChannelMaps::new(w, h);
             for (name, plane) in planes {
                 maps.push(name, plane);
             }
             write_exr(&dir.join(format!("{side}.exr")), &maps, Packing::Zip).unwrap();
             write_exr(&dir.join(format!("{side}_err.exr")), &maps, Packing::Zip).unwrap();
-            let param = |value: Vec<f64>, unit: &str| Param {
+            let param = |value: Vec<f64>, unit: &str| FitParameter {
                 stderr: vec![0.0; value.len()],
                 value,
                 unit: unit.into(),
-                ..Param::default()
+                ..FitParameter::default()
             };
             let params = BTreeMap::from([
                 ("sigma_a".to_string(), param(self.sigma_a[s].to_vec(), "1/mm")),
                 ("sigma_s".to_string(), param(self.sigma_s[s].to_vec(), "1/mm")),
                 ("thickness".to_string(), param(vec![self.h], "mm")),
             ]);
-            sections.insert(side.to_string(), Section { params, ..Default::default() });
+            sections.insert(side.to_string(), RecordSection { params, ..Default::default() });
         }
         std::fs::write(dir.join("blade.glb"), self.glb()).unwrap();
         let mut record = FitRecord {

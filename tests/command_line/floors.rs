@@ -11,9 +11,8 @@ fn root() -> &'static Path {
 
 /// Every package of the workspace: its folder, and the packages of the workspace that it uses.
 fn packages() -> BTreeMap<String, (PathBuf, BTreeSet<String>)> {
-    let read = |folder: &Path| -> toml::Table {
-        std::fs::read_to_string(folder.join("Cargo.toml")).unwrap().parse().unwrap()
-    };
+    let read =
+        |folder: &Path| -> toml::Table { std::fs::read_to_string(folder.join("Cargo.toml")).unwrap().parse().unwrap() };
     let members = read(root())["workspace"]["members"].as_array().unwrap().clone();
     let folders = members.iter().map(|m| root().join(m.as_str().unwrap())).chain([root().to_path_buf()]);
     folders
@@ -60,10 +59,7 @@ const FLOORS: [(&str, &[&[&str]]); 7] = [
     ("src/models/plants", &[&["mechanics"], &["*"]]),
     ("src/models/transport", &[&["rays"], &["*"]]),
     ("src/measurements/capture", &[&["*"], &["photo"]]),
-    (
-        "src/fits",
-        &[&["record"], &["leaf_folder"], &["*", "branch", "grass", "sky", "transfer", "translucency"]],
-    ),
+    ("src/fits", &[&["record"], &["leaf_folder"], &["*", "branch", "grass", "sky", "transfer", "translucency"]]),
     (
         "src/world/scene",
         &[&["manifest"], &["placed"], &["plan"], &["loaded"], &["draw"], &["*", "path_tracing", "window"]],
@@ -140,7 +136,11 @@ fn no_folder_of_a_package_uses_one_above_it() {
         let modules: Vec<&str> = modules.iter().map(String::as_str).collect();
         for entry in entries.iter().filter(|p| modules.contains(&stem(p).as_str())) {
             let mut all = Vec::new();
-            if entry.is_dir() { files(entry, 1, &mut all) } else { all.push((entry.clone(), 0)) }
+            if entry.is_dir() {
+                files(entry, 1, &mut all)
+            } else {
+                all.push((entry.clone(), 0))
+            }
             for (path, depth) in all {
                 let text = std::fs::read_to_string(&path).unwrap();
                 faults.extend(wrong(&stem(entry), &path.display().to_string(), &text, depth, &modules, floors));

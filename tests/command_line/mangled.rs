@@ -5,15 +5,15 @@
 //! `MESOPHYLL_MANGLED=100000 cargo test --workspace --test command_line mangled:: -- --nocapture` tries that many files
 //! for each reader. A failure prints the seed that makes the same file again.
 
-use mesophyll::capture::dome::manifest::Manifest as DomeManifest;
-use mesophyll::capture::manifest::Manifest;
-use mesophyll::files::table::{Record, Table};
+use mesophyll::capture::dome::manifest::DomeManifest;
+use mesophyll::capture::manifest::TubeManifest;
+use mesophyll::files::table::{InputTable, TableRecord};
 use mesophyll::files::{gltf_file, image, mesh};
-use mesophyll::fits::gloss::geometry::Geometry;
+use mesophyll::fits::gloss::geometry::GlossGeometry;
 use mesophyll::fits::record::FitRecord;
-use mesophyll::plants::grow::meadow::Meadow;
-use mesophyll::plants::grow::spec::Spec as PlantSpec;
-use mesophyll::synth::spec::Spec as LeafSpec;
+use mesophyll::plants::growth::meadow::MeadowSpec;
+use mesophyll::plants::growth::spec::PlantSpec;
+use mesophyll::synth::spec::LeafSpec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::{Path, PathBuf};
@@ -129,8 +129,8 @@ fn data(name: &str) -> PathBuf {
 }
 
 fn rows(path: &Path) -> bool {
-    let Ok(mut table) = Table::open(path) else { return false };
-    let mut record = Record::default();
+    let Ok(mut table) = InputTable::open(path) else { return false };
+    let mut record = TableRecord::default();
     let width = table.header.len();
     let mut whole = true;
     loop {
@@ -155,14 +155,14 @@ fn tables() {
 fn descriptions() {
     try_all(&data("leaves/elm.toml"), |p| LeafSpec::read(p).is_ok());
     try_all(&data("plants/bird-cherry.toml"), |p| PlantSpec::read(p).is_ok());
-    try_all(&data("grass/clover.toml"), |p| Meadow::read(p).is_ok());
-    try_all(&data("tables/device.toml"), |p| Geometry::read(p).is_ok());
+    try_all(&data("grass/clover.toml"), |p| MeadowSpec::read(p).is_ok());
+    try_all(&data("tables/device.toml"), |p| GlossGeometry::read(p).is_ok());
     try_all(&root().join("fits/elm/fit.toml"), |p| {
         // The question here is whether the file can be read, not whether it is the fit's own.
         FitRecord::read(p.parent().unwrap()).is_ok()
     });
     for scene in ["demo", "twig", "glossy-sky"] {
-        try_all(&data(&format!("scenes/{scene}.toml")), |p| mesophyll::scene::manifest::Manifest::read(p).is_ok());
+        try_all(&data(&format!("scenes/{scene}.toml")), |p| mesophyll::scene::manifest::SceneManifest::read(p).is_ok());
     }
 }
 
@@ -170,7 +170,7 @@ fn descriptions() {
 fn captures() {
     let folder = tempfile::tempdir().unwrap();
     let scan = crate::common::scan(folder.path(), "elm", &["--size", "16x12", "--frames", "8"]);
-    try_all(&scan.join("capture.toml"), |p| Manifest::read(p.parent().unwrap()).is_ok());
+    try_all(&scan.join("capture.toml"), |p| TubeManifest::read(p.parent().unwrap()).is_ok());
     try_all(&scan.join("mask.exr"), |p| image::read_exr(p).is_ok());
     try_all(&scan.join("front/x/0000.exr"), |p| image::read_exr(p).is_ok());
     let dome = folder.path().join("dome");
@@ -198,7 +198,7 @@ fn meshes() {
 fn environments() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("around.exr");
-    let mut maps = image::Maps::new(16, 8);
+    let mut maps = image::ChannelMaps::new(16, 8);
     for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
         maps.push(name, (0..128u8).map(|k| f32::from(k) * 0.01 + c as f32).collect());
     }

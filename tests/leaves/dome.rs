@@ -1,10 +1,10 @@
 //! Captures under a dome are synthesised, read and reduced, and compared with the truth that they were made from.
 
-use mesophyll::capture::dome::{Capture, Reduced, reduce};
-use mesophyll::files::image::{self, Maps, Packing};
+use mesophyll::capture::dome::{DomeCapture, DomeMaps, reduction::reduce};
+use mesophyll::files::image::{self, ChannelMaps, Packing};
 use mesophyll::optics::side::Side;
-use mesophyll::synth::dome::{self, Blade, Options};
-use mesophyll::synth::spec::{Model, Spec};
+use mesophyll::synth::dome::{self, DomeLeaf, Options};
+use mesophyll::synth::spec::{InteriorModel, LeafSpec};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -13,7 +13,7 @@ const SIDES: [Side; 2] = [Side::Front, Side::Back];
 const SIZE: usize = 100;
 
 fn captured(folder: &Path, noise: f64, height_noise_mm: f64) -> PathBuf {
-    let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
+    let spec = LeafSpec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
     let options = Options {
         width: SIZE,
         height: SIZE,
@@ -21,32 +21,32 @@ fn captured(folder: &Path, noise: f64, height_noise_mm: f64) -> PathBuf {
         noise,
         height_noise_mm,
         seed: 1,
-        model: Model::Exact,
+        model: InteriorModel::Exact,
     };
-    let blade = Blade::grow(&spec, &options).unwrap().unwrap();
+    let blade = DomeLeaf::grow(&spec, &options).unwrap().unwrap();
     let out = folder.join("capture");
     dome::capture(&spec, &blade, &options, &out).unwrap();
     out
 }
 
 /// The noisy capture that several tests use, and its reduction.
-fn noisy() -> &'static (tempfile::TempDir, Capture, Reduced) {
-    static ONCE: OnceLock<(tempfile::TempDir, Capture, Reduced)> = OnceLock::new();
+fn noisy() -> &'static (tempfile::TempDir, DomeCapture, DomeMaps) {
+    static ONCE: OnceLock<(tempfile::TempDir, DomeCapture, DomeMaps)> = OnceLock::new();
     ONCE.get_or_init(|| {
         let dir = tempfile::tempdir().unwrap();
-        let capture = Capture::open(&captured(dir.path(), 0.01, 0.01)).unwrap();
+        let capture = DomeCapture::open(&captured(dir.path(), 0.01, 0.01)).unwrap();
         let reduced = reduce(&capture, &Default::default()).unwrap();
         (dir, capture, reduced)
     })
 }
 
 /// A changed copy of the noisy capture, and its reduction.
-fn changed(change: impl FnOnce(&Path)) -> (Capture, Reduced) {
+fn changed(change: impl FnOnce(&Path)) -> (DomeCapture, DomeMaps) {
     let dir = tempfile::tempdir().unwrap();
     copy(noisy().0.path(), dir.path());
     let folder = dir.path().join("capture");
     change(&folder);
-    let capture = Capture::open(&folder).unwrap();
+    let capture = DomeCapture::open(&folder).unwrap();
     let reduced = reduce(&capture, &Default::default()).unwrap();
     (capture, reduced)
 }
@@ -71,11 +71,11 @@ fn without(folder: &Path, fields: &[&str]) {
     std::fs::write(path, kept.join("\n")).unwrap();
 }
 
-fn truth(capture: &Capture, side: Side) -> Maps {
+fn truth(capture: &DomeCapture, side: Side) -> ChannelMaps {
     capture.truth(side).unwrap().unwrap()
 }
 
-fn map<'a>(maps: &'a Maps, name: &str) -> &'a [f32] {
+fn map<'a>(maps: &'a ChannelMaps, name: &str) -> &'a [f32] {
     maps.get(name).unwrap()
 }
 
@@ -93,7 +93,7 @@ fn moments(values: impl Iterator<Item = f64>) -> (f64, f64) {
 }
 
 /// Angle between a side's normals and the true ones (degrees).
-fn angle(maps: &Maps, r: &Reduced, side: Side, k: usize) -> f64 {
+fn angle(maps: &ChannelMaps, r: &DomeMaps, side: Side, k: usize) -> f64 {
     let cos: f64 = ["X", "Y", "Z"]
         .iter()
         .enumerate()
@@ -107,7 +107,7 @@ fn angle(maps: &Maps, r: &Reduced, side: Side, k: usize) -> f64 {
 #[test]
 fn an_exact_capture_gives_back_its_truth() {
     let dir = tempfile::tempdir().unwrap();
-    let capture = Capture::open(&captured(dir.path(), 0.0, 0.01)).unwrap();
+    let capture = DomeCapture::open(&captured(dir.path(), 0.0, 0.01)).unwrap();
     let r = reduce(&capture, &Default::default()).unwrap();
     let front = truth(&capture, Side::Front);
     let d = map(&front, "thickness.Y");

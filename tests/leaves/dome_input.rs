@@ -1,7 +1,7 @@
 //! Captures under a dome as a user meets them: the messages of `synth` and `inspect` for good and bad input.
 
 use crate::common::{copy_tree, refused, run, succeeded};
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -41,7 +41,7 @@ fn look(from: &Path, change: impl FnOnce(&Path)) -> (i32, [String; 3], String) {
     (out.status.code().unwrap(), ["problems", "warnings", "notes"].map(list), stderr)
 }
 
-fn edit(folder: &Path, file: &str, change: impl Fn(&mut Maps)) {
+fn edit(folder: &Path, file: &str, change: impl Fn(&mut ChannelMaps)) {
     let path = folder.join(file);
     let mut maps = read_exr(&path).unwrap();
     change(&mut maps);
@@ -130,7 +130,7 @@ fn what_is_wrong_is_named_by_file_and_field() {
         (&|f| std::fs::remove_file(f.join("white.exr")).unwrap(), "white.exr: no such file or folder"),
         (
             &|f| {
-                let mut small = Maps::new(4, 3);
+                let mut small = ChannelMaps::new(4, 3);
                 ["R", "G", "B"].iter().for_each(|c| small.push(*c, vec![0.1; 12]));
                 write_exr(&f.join("back/albedo.exr"), &small, Packing::Raw).unwrap();
             },
@@ -204,7 +204,7 @@ fn outlines_tell_swapped_sides_and_a_back_that_is_not_mirrored() {
 #[test]
 fn each_reader_names_the_kind_it_found() {
     let (dir, patch, _) = made();
-    let error = mesophyll::capture::reader::Capture::open(patch).unwrap_err().to_string();
+    let error = mesophyll::capture::reader::TubeCapture::open(patch).unwrap_err().to_string();
     assert!(
         error.contains("capture.toml: kind: found \"dome\"") && error.contains("expected a scan under a linear"),
         "{error}"
@@ -222,7 +222,7 @@ fn each_reader_names_the_kind_it_found() {
         "--passes",
         "x",
     ]));
-    let error = mesophyll::capture::dome::Capture::open(&tube).unwrap_err().to_string();
+    let error = mesophyll::capture::dome::DomeCapture::open(&tube).unwrap_err().to_string();
     assert!(
         error.contains("capture.toml: kind: found none: a scan under a linear light source")
             && error.contains("expected \"dome\""),

@@ -5,11 +5,11 @@
 //! direction. Then numbers may differ by a fiftieth of their own standard errors. That is far less than a change of a
 //! model, a convention or a seed would cause.
 
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::fits::record::FitRecord;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::{fits::missing, ledger::Ledger};
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::{fits::maker, ledger::Ledger};
 use std::path::Path;
 
 /// Largest allowed difference of a value, as a share of its standard error.
@@ -17,13 +17,13 @@ const SHARE: f32 = 0.02;
 
 /// Scans and fits leaf `name` of `data/scenes/fits.toml` in a folder of its own, and compares.
 fn made_anew(name: &str) {
-    let manifest = Manifest::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/scenes/fits.toml")).unwrap();
+    let manifest = SceneManifest::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/scenes/fits.toml")).unwrap();
     let index = manifest.leaf_index(name).unwrap();
     let committed = manifest.resolve(manifest.leaves[index].fit.as_ref().unwrap());
     FitRecord::read(&committed).unwrap().verify(&committed).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let fresh = dir.path().join("fit");
-    missing::fit(&manifest, index, dir.path(), &fresh, false, &Ledger::new()).unwrap();
+    maker::fit(&manifest, index, dir.path(), &fresh, false, &Ledger::new()).unwrap();
     let differing = compare(&committed, &fresh);
     println!(
         "{name}: {}",
@@ -67,7 +67,7 @@ fn close_maps(committed: &Path, fresh: &Path, name: &str) {
     let errors = read_exr(&fresh.join(format!("{side}_err.exr"))).unwrap();
     let mask = read_exr(&fresh.join(format!("{side}.exr"))).unwrap();
     let good: Vec<bool> = mask.scalar(Quantity::Mask).unwrap().iter().map(|m| *m == 1.0).collect();
-    let channels = |m: &Maps| m.channels.iter().map(|c| c.0.clone()).collect::<Vec<_>>();
+    let channels = |m: &ChannelMaps| m.channels.iter().map(|c| c.0.clone()).collect::<Vec<_>>();
     assert_eq!((old.width, old.height, channels(&old)), (new.width, new.height, channels(&new)), "{name}");
     for ((channel, a), (_, b)) in old.channels.iter().zip(&new.channels) {
         let error = if what == "err" { None } else { errors.get(channel) };

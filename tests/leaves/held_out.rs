@@ -3,7 +3,7 @@
 
 use crate::common::{copy_tree, run, scan, succeeded, was_fitted};
 use mesophyll::files::hash;
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::fits::record::FitRecord;
 use mesophyll::optics::slab;
@@ -169,12 +169,12 @@ fn tampered(dir: &Path, by: Tamper) -> PathBuf {
     out
 }
 
-fn scale(maps: &mut Maps, name: &str, by: f32) {
+fn scale(maps: &mut ChannelMaps, name: &str, by: f32) {
     let plane = maps.get(name).unwrap().iter().map(|v| v * by).collect();
     set(maps, name, plane);
 }
 
-fn set(maps: &mut Maps, name: &str, plane: Vec<f32>) {
+fn set(maps: &mut ChannelMaps, name: &str, plane: Vec<f32>) {
     maps.channels.iter_mut().find(|c| c.0 == name).unwrap().1 = plane;
 }
 

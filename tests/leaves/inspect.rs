@@ -1,7 +1,7 @@
 //! `mesophyll inspect`, run as a program.
 
 use crate::samples::write_capture;
-use mesophyll::files::image::{self, Maps, Packing};
+use mesophyll::files::image::{self, ChannelMaps, Packing};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -82,18 +82,18 @@ fn every_problem_is_listed_not_only_the_first() {
     let cut = scan.join("front/x/0020.exr");
     let bytes = std::fs::read(&cut).unwrap();
     std::fs::write(&cut, &bytes[..bytes.len() * 3 / 4]).unwrap();
-    let mut small = Maps::new(10, 18);
+    let mut small = ChannelMaps::new(10, 18);
     ["R", "G", "B"].iter().for_each(|c| small.push(*c, vec![0.1; 180]));
     image::write_exr(&scan.join("front/y/0001.exr"), &small, Packing::Raw).unwrap();
-    let mut grey = Maps::new(24, 18);
+    let mut grey = ChannelMaps::new(24, 18);
     grey.push("Y", vec![0.1; 432]);
     image::write_exr(&scan.join("front/y/0002.exr"), &grey, Packing::Raw).unwrap();
     std::fs::write(scan.join("front/y/0003.exr"), b"this is no picture").unwrap();
     for k in 0..48 {
-        let mut blind = Maps::new(24, 18);
+        let mut blind = ChannelMaps::new(24, 18);
         ["R", "G", "B"].iter().for_each(|c| blind.push(*c, vec![f32::NAN; 432]));
         image::write_exr(&scan.join(format!("back/x/{k:04}.exr")), &blind, Packing::Raw).unwrap();
-        let mut full = Maps::new(24, 18);
+        let mut full = ChannelMaps::new(24, 18);
         ["R", "G", "B"].iter().for_each(|c| full.push(*c, vec![1.0; 432]));
         image::write_exr(&scan.join(format!("back/y/{k:04}.exr")), &full, Packing::Raw).unwrap();
     }
@@ -128,7 +128,7 @@ fn only_a_deep_look_reads_every_sample() {
     // No window of the quick look includes frame 40. Its first block becomes unreadable, and its last row stays intact.
     let path = scan.join("front/x/0040.exr");
     // (The samples are smooth, because noise is stored uncompressed, and no reader can detect a change there.)
-    let mut smooth = Maps::new(24, 18);
+    let mut smooth = ChannelMaps::new(24, 18);
     ["R", "G", "B"].iter().for_each(|c| smooth.push(*c, (0..432).map(|i| (i / 24) as f32 * 0.01).collect()));
     image::write_exr(&path, &smooth, Packing::Zip).unwrap();
     let mut bytes = std::fs::read(&path).unwrap();

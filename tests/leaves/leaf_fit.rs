@@ -92,7 +92,7 @@ fn an_oblique_light_box_recovers_the_same_leaf() {
     let (truth, box_, leaf, dark) =
         (read("truth/front.exr"), read("lightbox_empty.exr"), read("front/lightbox.exr"), read("dark.exr"));
     let k = (0..32 * 24).find(|&k| k > 12 * 32 + 10 && truth.scalar(Quantity::Mask).unwrap()[k] == 1.0).unwrap();
-    let at = |m: &mesophyll::files::image::Maps| m.get("G").unwrap()[k];
+    let at = |m: &mesophyll::files::image::ChannelMaps| m.get("G").unwrap()[k];
     let ratio = (at(&leaf) - at(&dark)) / (at(&box_) - at(&dark));
     assert!(ratio < 0.97 * truth.plane(Quantity::RhoT, 1).unwrap()[k]);
     let manifest = Path::new(&capture).join("capture.toml");
@@ -294,13 +294,16 @@ fn intervals_of_the_pigment_maps_hold_the_true_leaf() {
             );
         }
         for c in ["R", "G", "B"] {
-            let at = |maps: &mesophyll::files::image::Maps, name: &str, k: usize| {
+            let at = |maps: &mesophyll::files::image::ChannelMaps, name: &str, k: usize| {
                 f64::from(maps.get(&format!("{name}.{c}")).unwrap()[k])
             };
             for k in (0..mask.len()).filter(|&k| mask[k] == 1.0 && at(&own, "sigma_a", k).is_finite()).step_by(37) {
                 let thickness = f64::from(truth.scalar(Quantity::Thickness).unwrap()[k]);
-                let slab =
-                    mesophyll::optics::slab::exact::response(at(&own, "sigma_a", k), at(&own, "sigma_s", k), thickness);
+                let slab = mesophyll::optics::slab::medium::response(
+                    at(&own, "sigma_a", k),
+                    at(&own, "sigma_s", k),
+                    thickness,
+                );
                 let off =
                     [slab.rho_d / at(&truth, "rho_d", k), slab.rho_t / at(&truth, "rho_t", k)].map(|r| (r - 1.0).abs());
                 assert!(off.iter().all(|o| *o < 2e-4), "{side} {c} texel {k}: {off:?}");

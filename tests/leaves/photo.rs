@@ -1,12 +1,12 @@
 //! Photographs in open shade and on a light table: from synthesis to a fit, against the truth, and bad pictures.
 
 use crate::common::{copy_tree, refused, run, succeeded, was_fitted};
-use mesophyll::capture::photo::{Manifest, reduce};
+use mesophyll::capture::photo::{PhotoManifest, reduce};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::fits::leaf_folder::LeafFit;
 use mesophyll::optics::side::Side;
-use mesophyll::optics::slab::exact;
-use mesophyll::synth::spec::Spec;
+use mesophyll::optics::slab::medium;
+use mesophyll::synth::spec::LeafSpec;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -32,7 +32,7 @@ pub(crate) fn changed(change: impl FnOnce(&Path)) -> String {
     let folder = dir.path().join("photo");
     copy_tree(&made().1, &folder);
     change(&folder);
-    let outcome = Manifest::read(&folder).and_then(|m| reduce(&folder, &m));
+    let outcome = PhotoManifest::read(&folder).and_then(|m| reduce(&folder, &m));
     outcome.err().map_or_else(String::new, |e| e.to_string())
 }
 
@@ -65,7 +65,7 @@ fn a_photographed_leaf_is_found_within_its_errors() {
     let folder = &coarse;
     was_fitted(&run(["fit", "leaf", text(folder), "-o", text(&out)]));
     let fit = LeafFit::open(&out).unwrap();
-    let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
+    let spec = LeafSpec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
     for side in [Side::Front, Side::Back] {
         let section = fit.section(side).unwrap();
         for (name, truth) in [("sigma_a", spec.interior.sigma_a), ("sigma_s", spec.interior.sigma_s)] {
@@ -112,7 +112,7 @@ fn a_photographed_leaf_is_found_within_its_errors() {
 /// channel. What all texels share is left out, so it is 1 where the errors of single texels are right. `rho_d` holds
 /// the place-to-place variation of gloss, which the errors bound; `shown` is ρd with gloss, without that part.
 pub(crate) fn scatter(folder: &Path) -> Vec<(String, f64)> {
-    let reduced = reduce(folder, &Manifest::read(folder).unwrap()).unwrap();
+    let reduced = reduce(folder, &PhotoManifest::read(folder).unwrap()).unwrap();
     let mut found = Vec::new();
     for side in [Side::Front, Side::Back] {
         let maps = reduced.side(side);
@@ -191,7 +191,7 @@ fn a_camera_over_open_shade_sees_the_slab() {
     const STEPS: usize = 20_000;
     for delta in [0.2, 1.0, 3.0] {
         let omega = 1e-3;
-        let slab = exact::response((1.0 - omega) * delta, omega * delta, 1.0);
+        let slab = medium::response((1.0 - omega) * delta, omega * delta, 1.0);
         let (mut up, mut down) = (0.0, f64::exp(-delta));
         for k in 0..STEPS {
             let mu: f64 = (k as f64 + 0.5) / STEPS as f64;
@@ -241,7 +241,7 @@ fn without_stated_gloss_the_truth_is_within_wider_errors() {
     was_fitted(&run(["fit", "leaf", text(&folder), "-o", text(&out)]));
     let fit = LeafFit::open(&out).unwrap();
     assert!(fit.record.options["gloss"].starts_with("undetermined"));
-    let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
+    let spec = LeafSpec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/leaves/elm.toml")).unwrap();
     for (side, gloss) in [(Side::Front, spec.front.rho_s), (Side::Back, spec.back.rho_s)] {
         let section = fit.section(side).unwrap();
         let [share, err, most] = ["gloss_share", "gloss_stderr", "gloss_at_most"].map(|name| section.figures[name]);
@@ -273,7 +273,7 @@ fn an_ensemble_of_leaves() {
     println!("|---|---|---|---|---|---|---|");
     for name in ["elm", "alpinia", "balata", "omoto", "pelargonium", "prunus"] {
         let path = format!("data/leaves/{name}.toml");
-        let spec = Spec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(&path)).unwrap();
+        let spec = LeafSpec::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(&path)).unwrap();
         // Sums of squared pulls and of relative errors of σa and σs, and of coverages; with and without the back's
         // picture.
         let mut sums = [[[0.0; 4]; 2]; 2];

@@ -2,7 +2,7 @@
 
 use crate::common::{run, succeeded};
 use crate::photo::{rows, scatter, text, toml};
-use mesophyll::capture::photo::{Manifest, reduce};
+use mesophyll::capture::photo::{PhotoManifest, reduce};
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::optics::side::Side;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ fn photographs(folder: &Path, factor: f64) -> PathBuf {
 }
 
 fn said(folder: &Path) -> String {
-    let outcome = Manifest::read(folder).and_then(|m| reduce(folder, &m));
+    let outcome = PhotoManifest::read(folder).and_then(|m| reduce(folder, &m));
     outcome.err().map_or_else(String::new, |e| e.to_string())
 }
 
@@ -32,7 +32,7 @@ fn a_leaf_as_dark_as_the_sheet_has_the_outline_of_the_light_table() {
     for factor in [1.8, 4.0] {
         let dir = tempfile::tempdir().unwrap();
         let folder = photographs(dir.path(), factor);
-        let found = reduce(&folder, &Manifest::read(&folder).unwrap()).unwrap();
+        let found = reduce(&folder, &PhotoManifest::read(&folder).unwrap()).unwrap();
         for side in [Side::Front, Side::Back] {
             assert_eq!(found.side(side).figures["outline_of_light_table"], 1.0, "{factor} {}", side.name());
         }

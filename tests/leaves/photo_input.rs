@@ -2,8 +2,8 @@
 
 use crate::common::{copy_tree, refused, run, succeeded};
 use crate::photo::{changed, made, rows, text, toml};
-use mesophyll::capture::photo::{Manifest, picture::Picture, reduce};
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::capture::photo::{PhotoManifest, picture::LinearPhotograph, reduce};
+use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use mesophyll::optics::side::Side;
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use std::path::Path;
 #[test]
 fn what_people_do_is_not_refused() {
     let overlap =
-        |folder: &Path| reduce(folder, &Manifest::read(folder).unwrap()).unwrap().back.figures["outline_overlap"];
+        |folder: &Path| reduce(folder, &PhotoManifest::read(folder).unwrap()).unwrap().back.figures["outline_overlap"];
     let good = overlap(&made().1);
     // A white ruler that is larger than the leaf lies in the back's picture as well, wholly inside or up to its border.
     for right in [196, 200] {
@@ -33,7 +33,7 @@ fn what_people_do_is_not_refused() {
         let said = changed(|f| {
             rows(f, "table_leaf.exr", |r| r.iter_mut().for_each(|v| *v *= drift));
             let [before, after] = [&made().1, f].map(|f| {
-                let reduced = reduce(f, &Manifest::read(f).unwrap()).unwrap();
+                let reduced = reduce(f, &PhotoManifest::read(f).unwrap()).unwrap();
                 let good = |k: &usize| reduced.front.status[*k] == 1;
                 let list: Vec<f64> =
                     (0..reduced.front.status.len()).filter(good).map(|k| reduced.front.rho_t[k][1]).collect();
@@ -48,7 +48,7 @@ fn what_people_do_is_not_refused() {
 /// The back up in the first picture of the table, the front in the second one: the same pictures, the same maps.
 #[test]
 fn the_back_may_lie_up_on_the_table() {
-    let before = reduce(&made().1, &Manifest::read(&made().1).unwrap()).unwrap();
+    let before = reduce(&made().1, &PhotoManifest::read(&made().1).unwrap()).unwrap();
     let said = changed(|f| {
         for [from, to] in [
             ["leaf = \"table_leaf.exr\"", "leaf = \"x\""],
@@ -58,7 +58,7 @@ fn the_back_may_lie_up_on_the_table() {
         ] {
             toml(f, from, to);
         }
-        let after = reduce(f, &Manifest::read(f).unwrap()).unwrap();
+        let after = reduce(f, &PhotoManifest::read(f).unwrap()).unwrap();
         for side in [Side::Front, Side::Back] {
             let (a, b) = (before.side(side), after.side(side));
             assert!(a.rho_t_seen && b.rho_t_seen);
@@ -72,7 +72,7 @@ fn the_back_may_lie_up_on_the_table() {
         }
         // With the back up alone, the front's ρt is what was seen of the back, mirrored.
         toml(f, "turned = \"table_leaf.exr\"\n", "");
-        let alone = reduce(f, &Manifest::read(f).unwrap()).unwrap();
+        let alone = reduce(f, &PhotoManifest::read(f).unwrap()).unwrap();
         assert!(alone.back.rho_t_seen && !alone.front.rho_t_seen);
         let w = alone.width;
         for k in (0..alone.mask.len()).filter(|&k| alone.front.status[k] == 1) {
@@ -89,7 +89,7 @@ fn the_back_may_lie_up_on_the_table() {
 /// number.
 #[test]
 fn png_and_tiff_are_reduced_as_exr() {
-    let before = reduce(&made().1, &Manifest::read(&made().1).unwrap()).unwrap();
+    let before = reduce(&made().1, &PhotoManifest::read(&made().1).unwrap()).unwrap();
     let said = changed(|f| {
         for (name, extension) in
             [("front", "png"), ("back", "png"), ("table_leaf", "tif"), ("table_turned", "tiff"), ("table_bare", "tif")]
@@ -106,7 +106,7 @@ fn png_and_tiff_are_reduced_as_exr() {
             .unwrap();
             toml(f, &format!("{name}.exr"), &format!("{name}.{extension}"));
         }
-        let after = reduce(f, &Manifest::read(f).unwrap()).unwrap();
+        let after = reduce(f, &PhotoManifest::read(f).unwrap()).unwrap();
         for side in [Side::Front, Side::Back] {
             let (a, b) = (before.side(side), after.side(side));
             assert_eq!(a.status, b.status);
@@ -133,17 +133,17 @@ fn noise_is_measured_on_the_card() {
     let options = ["--acquisition", "photo", "--size", "340x255", "--seed", "5"];
     succeeded(&run([&["synth", "data/leaves/elm.toml", "-o", text(&folder)], &options[..]].concat()));
     // The stated rectangles are three fifths of the card; noise needs a little more.
-    let manifest = Manifest::read(&folder).unwrap();
+    let manifest = PhotoManifest::read(&folder).unwrap();
     for [left, top, width, height] in [manifest.front.card, manifest.back.card] {
         let wide = format!("card = [{left}, {}, {width}, {}]", top - 2, height + 4);
         toml(&folder, &format!("card = [{left}, {top}, {width}, {height}]"), &wide);
     }
-    let stated = reduce(&folder, &Manifest::read(&folder).unwrap()).unwrap();
+    let stated = reduce(&folder, &PhotoManifest::read(&folder).unwrap()).unwrap();
     let path = folder.join("capture.toml");
     let lines = std::fs::read_to_string(&path).unwrap();
     let lines: Vec<&str> = lines.lines().filter(|l| !l.starts_with("noise_")).collect();
     std::fs::write(&path, lines.join("\n")).unwrap();
-    let measured = reduce(&folder, &Manifest::read(&folder).unwrap()).unwrap();
+    let measured = reduce(&folder, &PhotoManifest::read(&folder).unwrap()).unwrap();
     assert!(stated.noise.stated && !measured.noise.stated);
     for side in [Side::Front, Side::Back] {
         let (a, b) = (stated.side(side), measured.side(side));
@@ -158,14 +158,14 @@ fn noise_is_measured_on_the_card() {
         }
     }
     // On a card too small to see what neighbours share, nothing is guessed.
-    let manifest = Manifest::read(&folder).unwrap();
+    let manifest = PhotoManifest::read(&folder).unwrap();
     let [left, top, ..] = manifest.front.card;
     toml(
         &folder,
         &format!("card = [{left}, {top}, {}, {}]", manifest.front.card[2], manifest.front.card[3]),
         &format!("card = [{left}, {top}, 20, 12]"),
     );
-    let said = reduce(&folder, &Manifest::read(&folder).unwrap()).unwrap_err().to_string();
+    let said = reduce(&folder, &PhotoManifest::read(&folder).unwrap()).unwrap_err().to_string();
     assert!(said.contains("front.card") && said.contains("noise_photon"), "{said}");
 }
 
@@ -240,7 +240,7 @@ fn bad_pictures_are_refused() {
 #[test]
 fn developed_pictures_are_read() {
     let dir = tempfile::tempdir().unwrap();
-    let mut manifest = Manifest::read(&made().1).unwrap();
+    let mut manifest = PhotoManifest::read(&made().1).unwrap();
     let light = |i: u32, j: u32| [0.9 * i as f32 / 32.0, 0.02 * j as f32, 0.001 * (i + j) as f32];
     let encode = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     for (name, srgb) in [("a.png", false), ("b.tif", false), ("c.tiff", true)] {
@@ -248,7 +248,7 @@ fn developed_pictures_are_read() {
         let count = |v: f32| ((if srgb { encode(v) } else { v }) * 65535.0).round() as u16;
         image::ImageBuffer::from_fn(32, 24, |i, j| image::Rgb(light(i, j).map(count))).save(&path).unwrap();
         manifest.transfer = toml_transfer(srgb);
-        let picture = Picture::read(&path, &manifest).unwrap();
+        let picture = LinearPhotograph::read(&path, &manifest).unwrap();
         for k in 0..32 * 24 {
             for (found, truth) in picture.pixels[k].into_iter().zip(light(k as u32 % 32, k as u32 / 32)) {
                 // Half a count; the curve is at most 2.4 / 1.055 times as steep.
@@ -258,18 +258,20 @@ fn developed_pictures_are_read() {
     }
     let path = dir.path().join("d.png");
     image::ImageBuffer::from_fn(32, 24, |_, _| image::Rgb([9u8; 3])).save(&path).unwrap();
-    let coarse = Picture::read(&path, &manifest).unwrap();
+    let coarse = LinearPhotograph::read(&path, &manifest).unwrap();
     assert!(coarse.steps.is_some() && (coarse.pixels[0][0] - 9.0 / 255.0 / 12.92).abs() < 1e-6);
     manifest.transfer = toml_transfer(false);
-    let said = Picture::read(&path, &manifest).unwrap_err().to_string();
+    let said = LinearPhotograph::read(&path, &manifest).unwrap_err().to_string();
     assert!(said.contains("d.png") && said.contains("16 bits"), "{said}");
-    let mut maps = Maps::new(32, 24);
+    let mut maps = ChannelMaps::new(32, 24);
     ["R", "G", "B"].iter().for_each(|c| maps.push(*c, vec![f32::NAN; 32 * 24]));
     write_exr(&dir.path().join("e.exr"), &maps, Packing::Raw).unwrap();
-    assert!(Picture::read(&dir.path().join("e.exr"), &manifest).unwrap_err().to_string().contains("no reading"));
+    assert!(
+        LinearPhotograph::read(&dir.path().join("e.exr"), &manifest).unwrap_err().to_string().contains("no reading")
+    );
 }
 
-fn toml_transfer(srgb: bool) -> mesophyll::capture::photo::manifest::Transfer {
-    use mesophyll::capture::photo::manifest::Transfer;
-    if srgb { Transfer::Srgb } else { Transfer::Linear }
+fn toml_transfer(srgb: bool) -> mesophyll::capture::photo::manifest::TransferCurve {
+    use mesophyll::capture::photo::manifest::TransferCurve;
+    if srgb { TransferCurve::Srgb } else { TransferCurve::Linear }
 }

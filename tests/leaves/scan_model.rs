@@ -1,8 +1,8 @@
 //! The code that synthesises a scan and the code that fits it are different. Here their results are compared.
 
 use mesophyll::optics::gloss::Lobe;
-use mesophyll::optics::tube::{Model, Precision, Travel, Tube};
-use mesophyll::synth::illumination::Device;
+use mesophyll::optics::tube::{Travel, Tube, TubeModel, TubePrecision};
+use mesophyll::synth::illumination::TubeDevice;
 
 #[test]
 fn synthesis_and_fit_see_the_same_texel() {
@@ -14,10 +14,10 @@ fn synthesis_and_fit_see_the_same_texel() {
 fn worst(length_mm: f64) -> [f64; 2] {
     let tube = Tube { height_mm: 100.0, length_mm, radius_mm: 2.5 };
     let camera = 55f64.to_radians();
-    let fit = Model::new(tube, [camera.sin(), 0.0, camera.cos()], Lobe::Beckmann, &Precision::fine());
+    let fit = TubeModel::new(tube, [camera.sin(), 0.0, camera.cos()], Lobe::Beckmann, &TubePrecision::fine());
     let mut all = [0.0f64; 2];
     for travel in [Travel::X, Travel::Y] {
-        let synth = Device::new(tube, travel, 55.0);
+        let synth = TubeDevice::new(tube, travel, 55.0);
         for (at, normal, m) in [
             ([0.0, 0.0], [0.0f64, 0.0, 1.0], 0.2),
             ([25.0, -18.0], [0.1, -0.08, 1.0], 0.35),

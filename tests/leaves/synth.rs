@@ -2,7 +2,7 @@
 //! requests.
 
 use assert_cmd::Command;
-use mesophyll::capture::manifest::{Manifest, frame_path, mirror_path, texel_position, white_path};
+use mesophyll::capture::manifest::{TubeManifest, frame_path, mirror_path, texel_position, white_path};
 use mesophyll::files::image::{exr_info, read_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::optics::side::Side;
@@ -42,7 +42,7 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("elm");
     synth(&out, "elm", &["--noise", "0"]).success();
-    let manifest = Manifest::read(&out).unwrap();
+    let manifest = TubeManifest::read(&out).unwrap();
     assert_eq!((manifest.width, manifest.height, manifest.sides.len(), manifest.passes.len()), (32, 24, 2, 2));
     for travel in [Travel::X, Travel::Y] {
         assert_eq!(manifest.pass(travel).unwrap().positions().len(), 8);
@@ -57,7 +57,7 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
     }
     let read = |name: &str| read_exr(&out.join(name)).unwrap();
     let (truth, mask) = (read("truth/front.exr"), read("mask.exr"));
-    let get = |maps: &mesophyll::files::image::Maps, name: &str, k: usize| f64::from(maps.get(name).unwrap()[k]);
+    let get = |maps: &mesophyll::files::image::ChannelMaps, name: &str, k: usize| f64::from(maps.get(name).unwrap()[k]);
 
     // The light box: (leaf − dark)/(box − dark) is ρt, and that of the back is the mirror image of the front's.
     let (dark, empty) = (read("dark.exr"), read("lightbox_empty.exr"));
@@ -176,7 +176,7 @@ fn every_species_grows() {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
         let out = dir.path().join(&name);
         synth(&out, &name, &["--size", "16x12", "--passes", "x"]).success();
-        let manifest = Manifest::read(&out).unwrap();
+        let manifest = TubeManifest::read(&out).unwrap();
         assert_eq!(manifest.name, name);
         let truth = read_exr(&out.join("truth/back.exr")).unwrap();
         let inside = truth.scalar(Quantity::Mask).unwrap().iter().filter(|m| **m == 1.0).count();
@@ -188,7 +188,7 @@ fn every_species_grows() {
 /// the exact method for the stated contents.
 #[test]
 fn a_leaf_of_layers_has_another_truth() {
-    use mesophyll::optics::foliar::{Leaf, Oblateness, Path as Crossing, exact};
+    use mesophyll::optics::foliar::{LayeredLeaf, MesophyllPath as Crossing, Oblateness, exact};
     use mesophyll::optics::side::Side as Lit;
 
     let dir = tempfile::tempdir().unwrap();
@@ -211,7 +211,7 @@ fn a_leaf_of_layers_has_another_truth() {
         for &k in inside.iter().step_by(37) {
             let pigments = 12_000.0 * get("chlorophyll.Y", k) + 6000.0 * get("carotenoid.Y", k);
             let depth = 1e-6 * (pigments + 10.0 * 500.0 + 4.4 * 1000.0) + 0.0006 * 0.01;
-            let leaf = Leaf {
+            let leaf = LayeredLeaf {
                 depth,
                 n_cuticle: 1.51,
                 n_mesophyll: 1.415,

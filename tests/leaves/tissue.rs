@@ -2,8 +2,8 @@
 //! every fault that they can have.
 
 use crate::common::{copy_tree, refused, run, succeeded, was_fitted};
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll::fits::record::{FitKind, FitRecord, Param, SCHEMA, Section, Times};
+use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
+use mesophyll::fits::record::{FitKind, FitParameter, FitRecord, FitTimes, RecordSection, SCHEMA};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -59,20 +59,20 @@ fn leaf_fit(beams: &Path, blade: &Path, off: f64) {
     for side in ["front", "back"] {
         let truth = read_exr(&beams.join(format!("truth/{side}.exr"))).unwrap();
         let get = |name: &str| truth.get(name).unwrap().to_vec();
-        let mut maps = Maps::new(truth.width, truth.height);
+        let mut maps = ChannelMaps::new(truth.width, truth.height);
         for name in ["rho_d.R", "rho_d.G", "rho_d.B", "rho_t.R", "rho_t.G", "rho_t.B", "mask.Y", "thickness.Y"] {
             maps.push(name, get(name));
         }
         ["normal.X", "normal.Y", "normal.Z"].iter().for_each(|c| maps.push(*c, get(c)));
         write_exr(&blade.join(format!("{side}.exr")), &maps, Packing::Zip).unwrap();
-        let mut errors = Maps::new(truth.width, truth.height);
+        let mut errors = ChannelMaps::new(truth.width, truth.height);
         errors.push("thickness.Y", vec![THICKNESS_ERR_MM; truth.width * truth.height]);
         write_exr(&blade.join(format!("{side}_err.exr")), &errors, Packing::Zip).unwrap();
         let d = get("thickness.Y");
-        let mut section = Section::default();
+        let mut section = RecordSection::default();
         let mut put = |name: &str, value: Vec<f64>| {
             let stderr = value.iter().map(|v| 0.01 * v).collect();
-            section.params.insert(name.into(), Param { value, stderr, ..Param::default() });
+            section.params.insert(name.into(), FitParameter { value, stderr, ..FitParameter::default() });
         };
         put("thickness", vec![d.iter().map(|v| f64::from(*v)).sum::<f64>() / d.len() as f64]);
         for q in ["sigma_a", "sigma_s"] {
@@ -133,7 +133,7 @@ fn photographs_give_back_what_they_were_made_of() {
     let scale = &all.params["thickness_scale"];
     assert!((scale.value[0] - 1.0).abs() < 4.0 * scale.stderr[0] && scale.stderr[0] < 0.05, "{scale:?}");
     assert!((0.9..1.1).contains(&all.figures["reduced_chi2"]), "{:?}", all.figures);
-    let trace = &Times::read(&folder).unwrap().traces["tissue"];
+    let trace = &FitTimes::read(&folder).unwrap().traces["tissue"];
     assert!(trace.len() >= 2 && trace.last().unwrap().truth_error.unwrap() < 0.3);
     // The report shows it, and a second run has nothing to compute.
     let report = run(["report", folder.to_str().unwrap(), "--json"]);
@@ -311,7 +311,7 @@ fn a_good_capture_is_inspected() {
 fn every_file_that_is_wrong_is_named_at_once() {
     let set = slanting();
     std::fs::remove_file(set.beams.join("photographs/01_front_90_0.exr")).unwrap();
-    let mut small = Maps::new(4, 3);
+    let mut small = ChannelMaps::new(4, 3);
     ["R", "G", "B"].iter().for_each(|c| small.push(*c, vec![0.1; 12]));
     write_exr(&set.beams.join("photographs/02_front_50_30.exr"), &small, Packing::Raw).unwrap();
     each(&set, "03_back_50_200.exr", |_, v| v.fill(f32::NAN));

@@ -3,7 +3,7 @@
 use crate::common::{copy_tree, refused, run, scan, succeeded};
 use mesophyll::files::image::read_exr;
 use mesophyll::files::quantity::Quantity;
-use mesophyll::optics::translucency::basis::Basis;
+use mesophyll::optics::translucency::basis::HemisphereBasis;
 use std::path::Path;
 
 fn fit(input: &str, out: &Path, extra: &[&str]) -> std::process::Output {
@@ -37,7 +37,7 @@ fn a_leaf_fit_becomes_maps_and_one_light_is_what_the_basis_says_of_it() {
         }
         let (mut off, mut size, mut mean, mut count) = (0.0, 0.0, 0.0, 0.0);
         for k in (0..mask.len()).filter(|&k| mask[k] == 1.0) {
-            let found: f64 = (0..3).map(|i| f64::from(plane(i)[k]) * Basis::HalfLife2.value(i, light)).sum();
+            let found: f64 = (0..3).map(|i| f64::from(plane(i)[k]) * HemisphereBasis::HalfLife2.value(i, light)).sum();
             let full = f64::from(full[k]);
             (off, size) = (off + (found - full).powi(2), size + full * full);
             (mean, count) = (mean + full, count + 1.0);

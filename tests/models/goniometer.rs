@@ -2,7 +2,7 @@
 //! the lobe again, and damaged files are refused with the number that is wrong.
 
 use crate::common::{refused, run, succeeded};
-use mesophyll::capture::goniometer::Readings;
+use mesophyll::capture::goniometer::GoniometerReadings;
 use mesophyll::optics::gloss::Lobe;
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::PI;
@@ -208,7 +208,7 @@ fn damage_is_a_sentence_or_readings() {
             bytes[at] = [0, 1, 2, 255, 127, random.random()][random.random_range(0..6)];
         }
         std::fs::write(&file, &bytes).unwrap();
-        refused += usize::from(Readings::read(&file).is_err());
+        refused += usize::from(GoniometerReadings::read(&file).is_err());
     }
     assert!(refused > 50, "{refused}");
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());

@@ -1,10 +1,10 @@
 //! Properties that hold for all numbers: energy and scaling of the slab, reciprocity of the lobes, and tables and
 //! images that are read back as they were written.
 
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll::files::table::{self, Answer, Output, Spec, Table};
+use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
+use mesophyll::files::table::{self, BatchSpec, InputTable, OutputRow, TableOutput};
 use mesophyll::optics::gloss::Lobe;
-use mesophyll::optics::slab::{self, exact, inverse};
+use mesophyll::optics::slab::{self, inverse, medium};
 use proptest::prelude::*;
 
 /// Coefficients (1/mm) over six decades, and thicknesses (mm) over three.
@@ -28,7 +28,7 @@ fn upward() -> impl Strategy<Value = [f64; 3]> {
 #[test]
 fn a_black_slab_still_passes_what_meets_nothing() {
     let (a, s, h) = (401.6250393021319, 0.0012436094687627896, 0.3904314124690348);
-    let (fast, exact) = (slab::response(a, s, h).rho_t, exact::response(a, s, h).rho_t);
+    let (fast, exact) = (slab::response(a, s, h).rho_t, medium::response(a, s, h).rho_t);
     assert!(fast >= (-(a + s) * h).exp() && (fast / exact - 1.0).abs() < 1e-5, "{fast} {exact}");
 }
 
@@ -39,25 +39,25 @@ proptest! {
     /// always passes.
     #[test]
     fn a_slab_keeps_its_energy(a in coefficient(), s in coefficient(), h in thickness()) {
-        for r in [slab::response(a, s, h), exact::response(a, s, h)] {
+        for r in [slab::response(a, s, h), medium::response(a, s, h)] {
             prop_assert!(r.rho_d >= 0.0 && r.rho_t >= 0.0 && r.rho_d + r.rho_t < 1.0 + 1e-12, "{r:?}");
             prop_assert!(r.rho_t >= (-(a + s) * h).exp() * (1.0 - 1e-9), "{r:?}");
         }
-        let white = exact::response(0.0, s, h);
+        let white = medium::response(0.0, s, h);
         prop_assert!((white.rho_d + white.rho_t - 1.0).abs() < 1e-9, "{white:?}");
     }
 
     /// Only σ·h counts. More absorption darkens both sides. A thicker slab transmits less and reflects more.
     #[test]
     fn a_slab_scales_and_is_monotone(a in coefficient(), s in coefficient(), h in thickness(), k in 1.01..3.0f64) {
-        let r = exact::response(a, s, h);
-        let same = exact::response(a * k, s * k, h / k);
+        let r = medium::response(a, s, h);
+        let same = medium::response(a * k, s * k, h / k);
         let alike = (same.rho_d - r.rho_d).abs() <= 1e-9 * r.rho_d + 1e-14;
         prop_assert!(alike && (same.rho_t - r.rho_t).abs() <= 1e-9 * r.rho_t, "{r:?} {same:?}");
-        let darker = exact::response(a * k, s, h);
+        let darker = medium::response(a * k, s, h);
         prop_assert!(darker.rho_d <= r.rho_d * (1.0 + 1e-9) && darker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} \
          {darker:?}");
-        let thicker = exact::response(a, s, h * k);
+        let thicker = medium::response(a, s, h * k);
         prop_assert!(thicker.rho_d >= r.rho_d * (1.0 - 1e-9) && thicker.rho_t <= r.rho_t * (1.0 + 1e-9), "{r:?} \
          {thicker:?}");
     }
@@ -66,7 +66,7 @@ proptest! {
     #[test]
     fn an_inverted_slab_is_the_slab(omega in 0.1..0.995f64, delta in 0.1..8.0f64, h in thickness()) {
         let (a, s) = ((1.0 - omega) * delta / h, omega * delta / h);
-        let r = exact::response(a, s, h);
+        let r = medium::response(a, s, h);
         let found = inverse::invert(r.rho_d, r.rho_t, h, 1e-9, 1e-9);
         prop_assert!(found.status.is_ok(), "{found:?}");
         let off = [(found.sigma_a - a, found.sigma_a_err, a), (found.sigma_s - s, found.sigma_s_err, s)];
@@ -99,9 +99,9 @@ proptest! {
         }
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out.csv");
-        let spec = Spec { required: vec!["x".into()], outputs: vec!["same".into()], ..Spec::default() };
-        let input = Table::from_reader(Box::new(std::io::Cursor::new(bytes)), "in.csv".into()).unwrap();
-        table::run(input, &Output::csv(&out), &spec, |row, out| out.push(Answer::ok(vec![row.get(0)]))).unwrap();
+        let spec = BatchSpec { required: vec!["x".into()], outputs: vec!["same".into()], ..BatchSpec::default() };
+        let input = InputTable::from_reader(Box::new(std::io::Cursor::new(bytes)), "in.csv".into()).unwrap();
+        table::run(input, &TableOutput::csv(&out), &spec, |row, out| out.push(OutputRow::ok(vec![row.get(0)]))).unwrap();
         let mut again = csv::Reader::from_path(&out).unwrap();
         let found: Vec<(f64, String)> = again.records().map(|r| r.unwrap()).map(|r| (r[2].parse().unwrap(),
             r[0].to_string())).collect();
@@ -124,7 +124,7 @@ proptest! {
             state ^= state << 5;
             f32::from_bits(state)
         };
-        let mut maps = Maps::new(width, height);
+        let mut maps = ChannelMaps::new(width, height);
         for name in ["R", "mask.Y", "sigma_a.B"] {
             maps.push(name, (0..width * height).map(|_| next()).collect());
         }

@@ -2,14 +2,16 @@
 
 use crate::common::{refused, run, succeeded};
 use crate::programs::python;
-use mesophyll::export::coat::Coat;
-use mesophyll::export::foreign::target::Target;
-use mesophyll::export::shown::Shown;
-use mesophyll::export::{Format, assemble};
+use mesophyll::export::coat::ExportCoat;
+use mesophyll::export::foreign::target::ExportTarget;
+use mesophyll::export::scene::ExportScene;
+use mesophyll::export::{ExportFormat, assemble};
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::side::Side;
-use mesophyll::transport::world::{Gloss, Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, World};
-use mesophyll::transport::{Camera, ReferenceSun};
+use mesophyll::transport::world::{
+    ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld,
+};
+use mesophyll::transport::{ReferenceCamera, ReferenceSun};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -37,14 +39,14 @@ fn elements(text: &str) -> usize {
 }
 
 /// A square with two texels beside each other, glossy, of another colour on each side.
-fn square(lobe: Lobe) -> World {
+fn square(lobe: Lobe) -> ReferenceWorld {
     let maps = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|c| vec![a[c], b[c]]);
     let side = |d: f32, m: f32| ReferenceSide {
-        interior: Interior::Maps {
+        interior: ReferenceInterior::Maps {
             rho_d: maps([d, 2.0 * d, 0.5 * d], [0.5 * d, d, d]),
             rho_t: maps([0.03, 0.12, 0.02], [0.02, 0.2, 0.01]),
         },
-        gloss: Some(Gloss { rho_s: maps([0.05, 0.06, 0.05], [0.04; 3]), m: vec![m, 1.3 * m] }),
+        gloss: Some(ReferenceGloss { rho_s: maps([0.05, 0.06, 0.05], [0.04; 3]), m: vec![m, 1.3 * m] }),
         normal: None,
     };
     let corner = |x: f64, y: f64| glam::DVec3::new(x, y, 0.0);
@@ -61,23 +63,23 @@ fn square(lobe: Lobe) -> World {
         ..ReferenceMesh::default()
     };
     let (front, back) = (side(0.08, 0.25), side(0.12, 0.4));
-    World {
+    ReferenceWorld {
         leaves: vec![ReferenceLeaf { mesh, width: 2, height: 1, front, back, mask: None, lobe }],
-        instances: vec![Placement { leaf: 0, transform: glam::DMat4::IDENTITY }],
+        instances: vec![ReferencePlacement { leaf: 0, transform: glam::DMat4::IDENTITY }],
         sun: Some(ReferenceSun { direction: glam::DVec3::new(0.3, 0.2, 0.9), irradiance: [3.0; 3], radius: 0.004 }),
         sky: Some([0.2, 0.3, 0.4]),
-        ..World::default()
+        ..ReferenceWorld::default()
     }
 }
 
-pub fn shown(lobe: Lobe) -> Shown {
-    let camera = Camera {
+pub fn shown(lobe: Lobe) -> ExportScene {
+    let camera = ReferenceCamera {
         eye: glam::DVec3::new(0.0, -30.0, 50.0),
         target: glam::DVec3::ZERO,
         up: glam::DVec3::Z,
         fov_y_deg: 30.0,
     };
-    Shown::of_world(&square(lobe), &["a leaf".into()], camera, [24, 16], "square")
+    ExportScene::of_world(&square(lobe), &["a leaf".into()], camera, [24, 16], "square")
 }
 
 /// Mitsuba's own plugins give the numbers of our f64 form of them, in all directions and on both sides, and so the
@@ -87,11 +89,11 @@ fn mitsuba_shows_what_was_computed() {
     for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.5 }] {
         let folder = tempfile::tempdir().unwrap();
         let shown = shown(lobe);
-        let done = assemble(&shown, Format::Mitsuba, &folder.path().join("m"), true, &[]).unwrap();
+        let done = assemble(&shown, ExportFormat::Mitsuba, &folder.path().join("m"), true, &[]).unwrap();
         assert!(done.files.iter().all(|f| f.is_file()), "{:?}", done.files);
         let text = std::fs::read_to_string(folder.path().join("m/scene.xml")).unwrap();
         assert!(elements(&text) > 20);
-        let coat = Coat::new(&shown.sheets[0], Target::Mitsuba);
+        let coat = ExportCoat::new(&shown.sheets[0], ExportTarget::Mitsuba);
         let mut asked = Vec::new();
         for k in 0..60u32 {
             let at = |a: f64| (f64::from(k) * a).fract();
@@ -137,7 +139,7 @@ print(json.dumps(max(out)))";
 #[test]
 fn materialx_is_valid() {
     let folder = tempfile::tempdir().unwrap();
-    assemble(&shown(Lobe::Beckmann), Format::Materialx, &folder.path().join("x"), true, &[]).unwrap();
+    assemble(&shown(Lobe::Beckmann), ExportFormat::Materialx, &folder.path().join("x"), true, &[]).unwrap();
     let text = std::fs::read_to_string(folder.path().join("x/leaf.mtlx")).unwrap();
     assert!(elements(&text) > 10 && text.contains("backsurfaceshader"));
     let script = "
@@ -160,7 +162,7 @@ fn usd_shows_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let mut shown = shown(Lobe::Beckmann);
     shown.places = vec![(0, glam::DMat4::from_translation(glam::DVec3::new(1.0, 2.0, 3.0))); 2];
-    assemble(&shown, Format::Usd, &folder.path().join("u"), true, &[]).unwrap();
+    assemble(&shown, ExportFormat::Usd, &folder.path().join("u"), true, &[]).unwrap();
     let script = "
 import json
 from pxr import Usd, UsdGeom, UsdShade
@@ -187,7 +189,7 @@ print(json.dumps([[list(p) for p in world], surface.GetShaderId(), len(surface.G
 fn blender_builds_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let shown = shown(Lobe::Beckmann);
-    assemble(&shown, Format::Blender, &folder.path().join("b"), true, &[]).unwrap();
+    assemble(&shown, ExportFormat::Blender, &folder.path().join("b"), true, &[]).unwrap();
     let script = "
 import contextlib, json, sys
 with contextlib.redirect_stdout(sys.stderr):
@@ -214,22 +216,24 @@ print(json.dumps([[kinds.count('ShaderNodeBsdf' + k) for k in ('Diffuse', 'Trans
 /// Three stops darker than the light is: Blender and USD are told, the others' lists of what is lost name it.
 #[test]
 fn an_exposure_goes_along_or_is_named() {
-    let dark = Shown { exposure: 0.125, ..shown(Lobe::Beckmann) };
+    let dark = ExportScene { exposure: 0.125, ..shown(Lobe::Beckmann) };
     let folder = tempfile::tempdir().unwrap();
-    let write = |format: Format, name: &str, file: &str| {
+    let write = |format: ExportFormat, name: &str, file: &str| {
         let path = folder.path().join(name);
         let lost = assemble(&dark, format, &path, true, &[]).unwrap().lost.unwrap();
         let text = std::fs::read(if file.is_empty() { path } else { path.join(file) }).unwrap();
         (String::from_utf8_lossy(&text).into_owned(), lost.lines().join("\n"))
     };
-    let (script, lost) = write(Format::Blender, "blender", "scene.py");
+    let (script, lost) = write(ExportFormat::Blender, "blender", "scene.py");
     assert!(script.contains("\\\"stops\\\":-3.0") && script.contains("view_settings.exposure = DATA[\"stops\"]"));
     assert!(!lost.contains("stops"), "{lost}");
-    let (text, lost) = write(Format::Usd, "usd", "scene.usda");
+    let (text, lost) = write(ExportFormat::Usd, "usd", "scene.usda");
     assert!(text.contains("float exposure = -3") && !lost.contains("stops"), "{lost}");
-    for (format, name, file) in
-        [(Format::Mitsuba, "m", "scene.xml"), (Format::Pbrt, "p", "scene.pbrt"), (Format::GltfTranslucent, "g.glb", "")]
-    {
+    for (format, name, file) in [
+        (ExportFormat::Mitsuba, "m", "scene.xml"),
+        (ExportFormat::Pbrt, "p", "scene.pbrt"),
+        (ExportFormat::GltfTranslucent, "g.glb", ""),
+    ] {
         let (text, lost) = write(format, name, file);
         assert!(lost.contains("-3.00 stops"), "{name}: {lost}");
         assert!(name != "g.glb" || text.contains("\"exposure_stops\":-3.0"));
@@ -239,7 +243,7 @@ fn an_exposure_goes_along_or_is_named() {
 #[test]
 fn pbrt_declares_what_it_names() {
     let folder = tempfile::tempdir().unwrap();
-    let done = assemble(&shown(Lobe::Ggx), Format::Pbrt, &folder.path().join("p"), true, &[]).unwrap();
+    let done = assemble(&shown(Lobe::Ggx), ExportFormat::Pbrt, &folder.path().join("p"), true, &[]).unwrap();
     let text = std::fs::read_to_string(&done.files[0]).unwrap();
     assert_eq!(text.matches('[').count(), text.matches(']').count());
     let mut known: Vec<&str> = Vec::new();

@@ -4,9 +4,9 @@
 use crate::assembled::shown;
 use crate::common::{run, succeeded};
 use crate::programs::python;
-use mesophyll::capture::goniometer::Readings;
-use mesophyll::export::foreign::nodes::Nodes;
-use mesophyll::export::{Format, assemble};
+use mesophyll::capture::goniometer::GoniometerReadings;
+use mesophyll::export::foreign::nodes::DirectionPairs;
+use mesophyll::export::{ExportFormat, assemble};
 use mesophyll::files::image;
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::slab;
@@ -24,11 +24,11 @@ const MEAN: f64 = (0.16 + 1.3 * 0.12) / 0.28;
 fn a_measured_material_is_the_gloss() {
     let folder = tempfile::tempdir().unwrap();
     let (lobe, n) = (Lobe::Beckmann, [0.0, 0.0, 1.0]);
-    let done = assemble(&shown(lobe), Format::Bsdf, &folder.path().join("b"), true, &[]).unwrap();
+    let done = assemble(&shown(lobe), ExportFormat::Bsdf, &folder.path().join("b"), true, &[]).unwrap();
     assert_eq!(done.files.len(), 3, "{:?}", done.files);
     for (side, rho_s, m) in SIDES {
         // At the file's own nodes only D is interpolated.
-        let found = Readings::read(&folder.path().join(format!("b/a_leaf_{side}.bsdf"))).unwrap();
+        let found = GoniometerReadings::read(&folder.path().join(format!("b/a_leaf_{side}.bsdf"))).unwrap();
         assert!(found.rows.len() > 300, "{}", found.rows.len());
         for (light, view, values) in &found.rows {
             let f = lobe.bounded(n, *light, *view, m);
@@ -61,7 +61,7 @@ fn a_measured_material_is_the_gloss() {
         asked.push(json!([side, v, l, rho_s.map(|rho| rho * lobe.bounded(n, l, v, m))]));
     }
     // What the front's table loses by itself is stated; Mitsuba finds the same over the same directions.
-    let nodes: Vec<Value> = Nodes::new(lobe, SIDES[0].2)
+    let nodes: Vec<Value> = DirectionPairs::new(lobe, SIDES[0].2)
         .all
         .iter()
         .step_by(3)
@@ -108,7 +108,7 @@ fn sigma_textures_are_in_metres_and_make_the_fitted_leaf() {
             let h = f64::from(thickness.get("Y").unwrap()[k]);
             for letter in ["R", "G", "B"] {
                 let [a, s] = [&absorbing, &scattering].map(|maps| f64::from(maps.get(letter).unwrap()[k]));
-                let exact = slab::exact::response(a, s, h);
+                let exact = slab::medium::response(a, s, h);
                 let fitted = |name: &str| f64::from(fit.get(&format!("{name}.{letter}")).unwrap()[k]);
                 assert!((exact.rho_d - fitted("rho_d")).abs() < 1e-5, "{side} {k}: {exact:?} {}", fitted("rho_d"));
                 assert!((exact.rho_t - fitted("rho_t")).abs() < 1e-5, "{side} {k}: {exact:?} {}", fitted("rho_t"));

@@ -1,9 +1,9 @@
 //! `mesophyll export` as a program. Its files are read back, with other readers where there are any.
 
 use crate::samples::{Sample, write_fit};
-use mesophyll::files::image::{self, Maps};
+use mesophyll::files::image::{self, ChannelMaps};
 use mesophyll::files::quantity::{Quantity, XYZ};
-use mesophyll::fits::leaf::blade::{Blade, glb};
+use mesophyll::fits::leaf::blade::{BladeMesh, glb};
 use mesophyll::fits::leaf_folder::LeafFit;
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::side::Side;
@@ -25,13 +25,13 @@ fn export(folder: &Path, format: &str, to: &str) {
 /// A sample fit with a blade of two triangles that covers the maps, 30 mm × 20 mm.
 pub fn with_blade(folder: &Path) {
     write_fit(&folder.join("elm"), &Sample::default());
-    let blade = Blade {
+    let blade = BladeMesh {
         positions: vec![[-15.0, 10.0, 0.0], [15.0, 10.0, 0.0], [15.0, -10.0, 0.0], [-15.0, -10.0, 0.0]],
         normals: vec![[0.0, 0.0, 1.0]; 4],
         tangents: vec![[1.0, 0.0, 0.0, 1.0]; 4],
         uvs: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
         indices: vec![0, 2, 1, 0, 3, 2],
-        ..Blade::default()
+        ..BladeMesh::default()
     };
     glb::write(&folder.join("elm/blade.glb"), "elm", &blade).unwrap();
 }
@@ -109,7 +109,7 @@ fn packed_textures_hold_the_named_maps() {
         let h = leaf.thickness(side).unwrap();
         let (first, second, normal) = (read("gamma_delta"), read("rho_s_m"), read("normal"));
         // The values are the same bit for bit, also where they are undetermined (NaN).
-        let same = |a: &Maps, name: &str, quantity, c| {
+        let same = |a: &ChannelMaps, name: &str, quantity, c| {
             let (a, b) = (a.get(name).unwrap(), maps.plane(quantity, c).unwrap());
             assert!(a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits()), "{name}");
         };

@@ -3,7 +3,7 @@
 
 use crate::programs::shown;
 use crate::samples::{Sample, write_fit, write_run};
-use mesophyll::files::image::{self, Maps};
+use mesophyll::files::image::{self, ChannelMaps};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -32,7 +32,7 @@ fn view(transform: &Value) -> (f64, f64) {
 }
 
 /// The value in a map's file that a picture named `side quantity channel: what` must show.
-fn expected(label: &str, maps: &[(&str, Maps, Maps)], k: usize) -> Option<f64> {
+fn expected(label: &str, maps: &[(&str, ChannelMaps, ChannelMaps)], k: usize) -> Option<f64> {
     let names = [
         ("ρd green", "rho_d.G"),
         ("ρt green", "rho_t.G"),
@@ -61,7 +61,7 @@ fn expected(label: &str, maps: &[(&str, Maps, Maps)], k: usize) -> Option<f64> {
     }
 }
 
-fn fit_mask(maps: &[(&str, Maps, Maps)], side: &str, k: usize) -> bool {
+fn fit_mask(maps: &[(&str, ChannelMaps, ChannelMaps)], side: &str, k: usize) -> bool {
     maps.iter().any(|m| m.0 == side && m.1.get("mask.Y").unwrap()[k] <= 0.5)
 }
 
@@ -77,7 +77,7 @@ fn pictures_can_be_looked_at_closer() {
     // Values are those of the float maps, to the digits that are shown, and their unit stands behind them.
     let open = |name: &str| image::read_exr(&dir.path().join("elm").join(name)).unwrap();
     let sides = ["front", "back"];
-    let maps: Vec<(&str, Maps, Maps)> =
+    let maps: Vec<(&str, ChannelMaps, ChannelMaps)> =
         sides.iter().map(|s| (*s, open(&format!("{s}.exr")), open(&format!("truth_{s}.exr")))).collect();
     let (mut compared, mut empty, mut units) = (0, 0, 0);
     for row in seen["values"].as_array().unwrap() {

@@ -4,7 +4,7 @@
 use crate::common::skips::{Need, skip};
 use crate::common::{run, succeeded};
 use crate::programs::{python, shown};
-use mesophyll::files::image::{self, Maps};
+use mesophyll::files::image::{self, ChannelMaps};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -53,7 +53,7 @@ impl Small {
     }
 
     /// Our own picture.
-    fn ours(&self) -> Maps {
+    fn ours(&self) -> ChannelMaps {
         let out = self.at("ours").display().to_string();
         succeeded(&run(["render", &self.scene, "--view", self.view, "--samples", "64", "-o", &out]));
         image::read_exr(&self.at("ours").join(format!("{}.exr", self.view))).unwrap()

@@ -3,7 +3,7 @@
 
 use crate::common::skips::no_adapter;
 use crate::common::{refused, run, succeeded};
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use std::f64::consts::PI;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -47,7 +47,7 @@ fn arguments<'a>(scene: &'a Path, out: &'a Path, more: &[&'a str]) -> Vec<&'a st
 }
 
 /// The mean of a channel over all pixels, and its standard error.
-fn mean(maps: &Maps, channel: &str) -> (f64, f64) {
+fn mean(maps: &ChannelMaps, channel: &str) -> (f64, f64) {
     let values = maps.get(channel).unwrap();
     let errors = maps.get(&format!("error.{channel}")).unwrap();
     let n = values.len() as f64;
@@ -61,7 +61,7 @@ fn mean(maps: &Maps, channel: &str) -> (f64, f64) {
 fn a_wide_disc_meets_its_closed_form() {
     let dir = tempfile::tempdir().unwrap();
     let texels = |above: f32, below: f32| {
-        let mut map = Maps::new(256, 128);
+        let mut map = ChannelMaps::new(256, 128);
         for channel in ["R", "G", "B"] {
             map.push(channel, (0..256 * 128).map(|k| if k < 256 * 64 { above } else { below }).collect());
         }
@@ -172,7 +172,7 @@ fn what_cannot_be_drawn_is_refused_in_one_sentence() {
     let scene = |leaf: &str, light: &str| self::scene(dir.path(), leaf, light);
     let told = |scene: &Path, words: &[&str]| refused(&run(arguments(scene, &out, &["--samples", "2"])), 2, words);
     let map = |width: usize, height: usize, at: Option<(usize, f32)>, channels: &[&str]| {
-        let mut map = Maps::new(width, height);
+        let mut map = ChannelMaps::new(width, height);
         for channel in channels {
             let mut values = vec![1.0; width * height];
             if let Some((k, v)) = at {

@@ -2,7 +2,7 @@
 
 use crate::common::skips::{self, Need};
 use crate::common::{refused, run, succeeded};
-use mesophyll::fits::sky::{Form, folder};
+use mesophyll::fits::sky::{SkyFitForm, folder};
 use mesophyll::sky::irradiance::add_ground;
 use serde_json::Value;
 use std::f64::consts::FRAC_PI_2;
@@ -37,8 +37,8 @@ fn library(folder: &Path, ground: f64) -> Vec<Vec<[f64; 3]>> {
         .iter()
         .map(|(s, t)| {
             let c = match &form {
-                Form::Folded(f) => f.to::<f64>().coefficients(*s, *t).unwrap(),
-                Form::Tensor(f) => f.to::<f64>().coefficients(*s, *t).unwrap(),
+                SkyFitForm::Folded(f) => f.to::<f64>().coefficients(*s, *t).unwrap(),
+                SkyFitForm::Tensor(f) => f.to::<f64>().coefficients(*s, *t).unwrap(),
             };
             if ground > 0.0 { add_ground(&c, [ground; 3], [0.0; 3]) } else { c }.values().to_vec()
         })
@@ -206,7 +206,7 @@ fn a_fixed_sky_is_forty_nine_triples() {
     assert_eq!(listed.len(), 49);
     // The limit against direct integration is that of the fit's tier.
     let sky = mesophyll::sky::Preetham.at(40f64.to_radians(), 3.0).unwrap();
-    let want = add_ground(&mesophyll::sky::project::direct(&sky, 7), [0.2; 3], [0.0; 3]);
+    let want = add_ground(&mesophyll::sky::projection::direct(&sky, 7), [0.2; 3], [0.0; 3]);
     for (k, w) in want.values().iter().enumerate() {
         for ch in 0..3 {
             assert!((listed[k][ch].as_f64().unwrap() - w[ch]).abs() < 2e-5 * want.get(0, 0)[ch], "{k}");

@@ -2,10 +2,12 @@
 //! report can be distinguished from a wrong one.
 #![allow(dead_code)]
 
-use mesophyll::base::solve::{Termination, TraceRow};
-use mesophyll::files::image::{self, Maps, Packing};
+use mesophyll::base::solvers::{Termination, TraceRow};
+use mesophyll::files::image::{self, ChannelMaps, Packing};
 use mesophyll::files::quantity::Quantity;
-use mesophyll::fits::record::{FitRecord, Param, Phase, Residuals, Section, Times, TruthError};
+use mesophyll::fits::record::{
+    FitParameter, FitPhase, FitRecord, FitTimes, RecordSection, ResidualStatistics, TruthError,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::collections::BTreeMap;
@@ -106,9 +108,9 @@ pub fn write_fit(folder: &Path, sample: &Sample) {
     times().write(folder).unwrap();
 }
 
-fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut Pcg64Mcg) -> Section {
+fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut Pcg64Mcg) -> RecordSection {
     let (w, h) = (sample.width, sample.height);
-    let (mut fit, mut truth, mut error) = (Maps::new(w, h), Maps::new(w, h), Maps::new(w, h));
+    let (mut fit, mut truth, mut error) = (ChannelMaps::new(w, h), ChannelMaps::new(w, h), ChannelMaps::new(w, h));
     let place = |i: usize, flip: bool| {
         let x = if flip { w - 1 - i % w } else { i % w };
         let (u, v) = ((x as f32 + 0.5) / w as f32 * 2.0 - 1.0, ((i / w) as f32 + 0.5) / h as f32 * 2.0 - 1.0);
@@ -198,7 +200,7 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
         )
     });
     let nudge = 0.01 * normal(rng).clamp(-1.5, 1.5) as f64;
-    Section {
+    RecordSection {
         counts,
         terminations: BTreeMap::from([
             ("cost_converged".to_string(), texels * 9 / 10),
@@ -208,7 +210,7 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
         ]),
         residuals: BTreeMap::from([(
             "gloss".to_string(),
-            Residuals {
+            ResidualStatistics {
                 samples: texels * 600,
                 chi2: mean * texels as f64 * 592.0,
                 reduced_chi2: mean,
@@ -250,22 +252,22 @@ fn write_side(folder: &Path, sample: &Sample, side: &str, tone: f32, rng: &mut P
             ("sigma_s".to_string(), param(&[9.6, 10.2, 9.1], &[0.11, 0.10, 0.31], "1/mm", &[], nudge)),
             ("thickness".to_string(), param(&[0.1612], &[0.004], "mm", &[], 0.0)),
         ]),
-        ..Section::default()
+        ..RecordSection::default()
     }
 }
 
-fn param(value: &[f64], stderr: &[f64], unit: &str, undetermined: &[&str], nudge: f64) -> Param {
-    Param {
+fn param(value: &[f64], stderr: &[f64], unit: &str, undetermined: &[&str], nudge: f64) -> FitParameter {
+    FitParameter {
         value: value.iter().map(|v| v * (1.0 + nudge)).collect(),
         stderr: stderr.to_vec(),
         unit: unit.into(),
         undetermined: undetermined.iter().map(|s| s.to_string()).collect(),
-        ..Param::default()
+        ..FitParameter::default()
     }
 }
 
-fn times() -> Times {
-    let phase = |name: &str, seconds| Phase { name: name.into(), seconds };
+fn times() -> FitTimes {
+    let phase = |name: &str, seconds| FitPhase { name: name.into(), seconds };
     let trace = |rate: f64, floor: f64, per_step: f64, steps: usize| -> Vec<TraceRow> {
         (0..steps)
             .map(|k| TraceRow {
@@ -279,7 +281,7 @@ fn times() -> Times {
             })
             .collect()
     };
-    Times {
+    FitTimes {
         capture: None,
         phases: vec![
             phase("read_and_calibrate", 3.4),
@@ -367,7 +369,7 @@ pub fn write_capture(folder: &Path, sides: &[&str], passes: &[&str], noise: f32)
     };
     let mut noisy = |v: f32| v + (noise * v).hypot(5e-4) * normal(&mut rng);
     let mut frame = |w: usize, h: usize, value: &dyn Fn(usize, usize) -> f32| {
-        let mut maps = Maps::new(w, h);
+        let mut maps = ChannelMaps::new(w, h);
         for (c, name) in ["R", "G", "B"].iter().enumerate() {
             maps.push(*name, (0..w * h).map(|i| noisy(value(c, i))).collect());
         }

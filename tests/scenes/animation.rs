@@ -6,7 +6,7 @@ use crate::skips;
 use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
 use gltf::animation::util::ReadOutputs;
 use mesophyll::plants::form::Plant;
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::manifest::SceneManifest;
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::scene::placed::plant::planted;
 use std::collections::BTreeMap;
@@ -185,7 +185,7 @@ fn an_animation_plays_the_pose() {
     assert_eq!(run(folder.path(), &words).0, Some(0));
     assert!(std::fs::read(at("a.glb")).unwrap() == std::fs::read(at("b.glb")).unwrap());
     let read = mesophyll::plants::file::read(&at("a.glb")).unwrap();
-    let manifest = Manifest::read(&at("scene.toml")).unwrap();
+    let manifest = SceneManifest::read(&at("scene.toml")).unwrap();
     let planted = &planted(&manifest, &Ledger::new()).unwrap()[0];
     assert_eq!(read.branches.len(), 2 * planted.plant.branches.len());
     assert_eq!(read.leaves.len(), 2 * planted.plant.leaves.len());

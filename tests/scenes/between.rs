@@ -2,11 +2,11 @@
 
 use crate::blade::Blade;
 use crate::{json, skips};
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
-use mesophyll::scene::plan::Plan;
+use mesophyll::scene::plan::ScenePlan;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
@@ -38,8 +38,8 @@ fn mesophyll(args: &[&str]) -> Output {
     assert_cmd::Command::cargo_bin("mesophyll").unwrap().args(args).output().unwrap()
 }
 
-fn planned(path: &Path) -> Plan {
-    Scene::open(Manifest::read(path).unwrap(), Search::default(), &Ledger::new()).unwrap().plan
+fn planned(path: &Path) -> ScenePlan {
+    LoadedScene::open(SceneManifest::read(path).unwrap(), LeafSearch::default(), &Ledger::new()).unwrap().plan
 }
 
 /// Leaves that absorb nothing cannot be distinguished from an even sky around them. This holds where they hide the sky
@@ -71,8 +71,8 @@ fn leaves_that_absorb_nothing_vanish_in_the_real_time_picture() {
 fn a_light_that_stands_still_needs_no_operators() {
     let dir = tempfile::tempdir().unwrap();
     let plan_of = |count: usize, rest: &str| planned(&crowd(dir.path(), [0.3, 0.3], count, rest));
-    let has = |plan: &Plan, name: &str| plan.needed.iter().any(|n| n.name == name);
-    let left = |plan: &Plan, name: &str| plan.left_out.iter().find(|l| l.name == name).map(|l| l.saved_bytes);
+    let has = |plan: &ScenePlan, name: &str| plan.needed.iter().any(|n| n.name == name);
+    let left = |plan: &ScenePlan, name: &str| plan.left_out.iter().find(|l| l.name == name).map(|l| l.saved_bytes);
     const LIGHT: &str = "light between leaves";
     const OPERATORS: &str = "operators of the light";
     let still = plan_of(4, "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\n");
@@ -273,15 +273,15 @@ fn a_transfer_that_is_there_is_not_refused() {
          radiance = [1, 1, 1]\n",
         many(dir.path(), count)
     );
-    let manifest = Manifest::read(&crowd(dir.path(), [0.2, 0.2], 0, &rest)).unwrap();
+    let manifest = SceneManifest::read(&crowd(dir.path(), [0.2, 0.2], 0, &rest)).unwrap();
     let out = dir.path().join("out");
-    let search = Search { out: Some(&out), ..Search::default() };
-    let told = Scene::open(manifest.clone(), search, &Ledger::new()).unwrap_err().to_string();
+    let search = LeafSearch { out: Some(&out), ..LeafSearch::default() };
+    let told = LoadedScene::open(manifest.clone(), search, &Ledger::new()).unwrap_err().to_string();
     assert!(told.contains(&format!("anchors on each of {count} leaves")), "{told}");
     let folder = mesophyll::scene::transfer::folder(&manifest, Some(7), &out);
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("fit.toml"), "").unwrap();
-    assert!(Scene::open(manifest, search, &Ledger::new()).is_ok());
+    assert!(LoadedScene::open(manifest, search, &Ledger::new()).is_ok());
 }
 
 /// The six clusters are read and planned as docs/light.md describes them: 14 leaves with 270 anchors, operators, and a
@@ -294,9 +294,9 @@ fn the_clusters_of_six_species_are_planned() {
     for path in
         std::fs::read_dir(folder).unwrap().filter_map(scene).filter(|p| p.extension().is_some_and(|x| x == "toml"))
     {
-        let manifest = Manifest::read(&path).unwrap();
+        let manifest = SceneManifest::read(&path).unwrap();
         manifest.require_limits().unwrap();
-        let scene = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
+        let scene = LoadedScene::open(manifest, LeafSearch::default(), &Ledger::new()).unwrap();
         let between = scene.plan.light.between.unwrap();
         assert_eq!((between.bands, between.sun_visibility), (Some(5), true));
         assert_eq!(
@@ -320,9 +320,9 @@ fn the_window_asks_for_no_map_before_its_sun_moves() {
     let light = "[sun]\nzenith_deg = 35\nazimuth_deg = -70\nirradiance = [2.0, 2.0, 2.0]\nradius_deg = 2\n[sky]\n\
                  radiance = [0.1, 0.1, 0.1]\n[transfer]\npaths = 16\nbands = 1\nshadows = \"visibility\"\n\
                       edge_mm = 8\n";
-    let manifest = Manifest::read(&crowd(dir.path(), [0.3, 0.3], 3, light)).unwrap();
+    let manifest = SceneManifest::read(&crowd(dir.path(), [0.3, 0.3], 3, light)).unwrap();
     let ledger = Ledger::new();
-    let mut free = Scene::open(manifest, Search { free: true, ..Search::default() }, &ledger).unwrap();
+    let mut free = LoadedScene::open(manifest, LeafSearch { free: true, ..LeafSearch::default() }, &ledger).unwrap();
     free.find_transfer(&dir.path().join("out"), &ledger).unwrap();
     let drawn = handover::scene(&free, &ledger).unwrap();
     let mut editor = SceneEditor::new(free, dir.path().join("out")).unwrap();

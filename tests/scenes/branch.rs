@@ -7,11 +7,11 @@ use crate::blade::Blade;
 use crate::skips;
 use glam::{DVec3, Vec3};
 use mesophyll::scene::draw::{handover, reference};
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
-use mesophyll::scene::plan::Plan;
+use mesophyll::scene::plan::ScenePlan;
 use mesophyll_viewer::{Error, Options, Renderer};
 use std::path::Path;
 
@@ -57,7 +57,7 @@ lean_per_m_s = 0.03
 const WIND: &str = "[wind]\nspeed_m_s = 3\nazimuth_deg = 50\nseed = 4\ntime_s = 1.5\n";
 
 /// A scene with one leaf, which hangs on a plant if there is one.
-fn scene(dir: &Path, extra: &str) -> Manifest {
+fn scene(dir: &Path, extra: &str) -> SceneManifest {
     let fit = dir.join("fits/elm");
     if !fit.exists() {
         Blade { rho_s: [0.0, 0.0], width: 48, height: 36, texel_mm: 1.0, ..Blade::default() }.write(&fit, "elm");
@@ -68,15 +68,15 @@ fn scene(dir: &Path, extra: &str) -> Manifest {
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, text.replace("[[instance]]\nleaf = \"elm\"\n", "")).unwrap();
     }
-    Manifest::read(&path).unwrap()
+    SceneManifest::read(&path).unwrap()
 }
 
-fn planned(manifest: &Manifest) -> (Scene, Ledger) {
+fn planned(manifest: &SceneManifest) -> (LoadedScene, Ledger) {
     let ledger = Ledger::new();
-    (Scene::open(manifest.clone(), Search::default(), &ledger).unwrap(), ledger)
+    (LoadedScene::open(manifest.clone(), LeafSearch::default(), &ledger).unwrap(), ledger)
 }
 
-fn needs(plan: &Plan, name: &str) -> bool {
+fn needs(plan: &ScenePlan, name: &str) -> bool {
     let (needed, left) = (plan.needed.iter().any(|n| n.name == name), plan.left_out.iter().any(|l| l.name == name));
     assert!(needed != left, "{name}: needed {needed}, left out {left}");
     needed
@@ -120,7 +120,7 @@ fn renderer() -> Option<Renderer> {
     }
 }
 
-fn drawn(manifest: &Manifest, renderer: &mut Renderer) -> (Vec<[f32; 4]>, Vec<String>) {
+fn drawn(manifest: &SceneManifest, renderer: &mut Renderer) -> (Vec<[f32; 4]>, Vec<String>) {
     let (whole, ledger) = planned(manifest);
     let view = &manifest.views[0];
     renderer.set_scene(&handover::scene(&whole, &ledger).unwrap()).unwrap();
@@ -228,7 +228,7 @@ fn the_pointer_meets_what_is_bent() {
     // The vertex lies inside the blade's outline or on it, so places slightly towards the middle are tried too.
     let hits: Vec<_> = [(0.5, 0.5), (0.45, 0.5), (0.55, 0.5), (0.5, 0.45), (0.5, 0.55)]
         .into_iter()
-        .filter_map(|(x, y)| mesophyll_viewer::pick::pick(&scene, &camera, 1.0, x, y))
+        .filter_map(|(x, y)| mesophyll_viewer::picking::pick(&scene, &camera, 1.0, x, y))
         .filter(|h| h.material == 0)
         .collect();
     assert!(!hits.is_empty() && hits.iter().all(|h| h.position.as_dvec3().distance(bent) < 3.0), "{hits:?} {bent}");
@@ -241,7 +241,8 @@ fn the_reference_moves_with_the_time() {
     let manifest = scene(dir.path(), &format!("{SAGGING}{WIND}"));
     let (whole, ledger) = planned(&manifest);
     let mut world = reference::world(&whole, &ledger).unwrap();
-    let look = |w: &mesophyll::transport::World| (w.instances[0].transform, w.leaves[1].mesh.positions.clone());
+    let look =
+        |w: &mesophyll::transport::ReferenceWorld| (w.instances[0].transform, w.leaves[1].mesh.positions.clone());
     let first = look(&world);
     reference::move_to(&mut world, &whole, 2.0).unwrap();
     let second = look(&world);
@@ -283,8 +284,9 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     // The data were made with a taper of 0.25 and 60 mm.
     assert!((taper - 0.25).abs() < 0.02 && (load - 60.0).abs() < 2.0);
     // Unknown names, and branches that could not be determined, are named in the error.
-    let fails =
-        |text: &str| Scene::open(scene(dir.path(), text), Search::default(), &Ledger::new()).unwrap_err().to_string();
+    let fails = |text: &str| {
+        LoadedScene::open(scene(dir.path(), text), LeafSearch::default(), &Ledger::new()).unwrap_err().to_string()
+    };
     assert!(
         fails(&fitted.replace("measured = \"elm-twig\"", "measured = \"oak\"")).contains("expected one of elm-twig")
     );
@@ -306,18 +308,18 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
 #[test]
 fn an_edited_plant_is_saved_and_moves_as_it_was_edited() {
     use mesophyll::scene::window::edit::SceneEditor;
-    use mesophyll_window::editor::{BranchEdit, Editor, Part, PlantEdits};
+    use mesophyll_window::editor::{BranchEdit, Editor, PlantEdits, PlantPart};
     let dir = tempfile::tempdir().unwrap();
     let text = format!("{SAGGING}{WIND}");
     let open = |extra: &str| {
-        let search = Search { free: true, ..Search::default() };
-        Scene::open(scene(dir.path(), extra), search, &Ledger::new()).unwrap()
+        let search = LeafSearch { free: true, ..LeafSearch::default() };
+        LoadedScene::open(scene(dir.path(), extra), search, &Ledger::new()).unwrap()
     };
     let mut editor = SceneEditor::new(open(&text), dir.path().join("out")).unwrap();
     let listed = editor.plants();
     assert_eq!((listed.len(), listed[0].branches.clone()), (1, vec![("trunk".to_string(), 0)]));
     let edit = BranchEdit { taper: 1.5, load: 1.4, lean: 2.0, resonance: 0.5, damping: 2.0 };
-    let bend = |editor: &mut SceneEditor, edit| editor.bend(&PlantEdits::from([((0, Part::Level(0)), edit)]));
+    let bend = |editor: &mut SceneEditor, edit| editor.bend(&PlantEdits::from([((0, PlantPart::Level(0)), edit)]));
     let before = editor.bend(&PlantEdits::new()).unwrap();
     let after = bend(&mut editor, edit).unwrap();
     // The tip goes further, and the wood is thicker there.
@@ -374,6 +376,6 @@ fn a_load_alone_is_no_motion() {
     assert_eq!(code, Some(0), "{said}");
     let row = std::fs::read_to_string(dir.path().join("sway.csv")).unwrap();
     let tip: Vec<f64> = row.lines().nth(1).unwrap().split(',').skip(3).map(|v| v.parse().unwrap()).collect();
-    let bent = mesophyll::scene::placed::posed::resting(&whole.manifest, &Ledger::new()).unwrap();
+    let bent = mesophyll::scene::placed::poses::resting(&whole.manifest, &Ledger::new()).unwrap();
     assert!(bent.branches[0].point(1.0).0.distance(DVec3::new(tip[0], tip[1], tip[2])) < 1e-3);
 }

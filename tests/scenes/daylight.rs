@@ -7,10 +7,10 @@ use crate::skips;
 use crate::skips::Need;
 use glam::{DMat4, DVec3};
 use mesophyll::scene::draw::{handover, reference};
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
 use mesophyll::scene::placed::daylight::Daylight;
-use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::transport::closed_form;
 use mesophyll_viewer as viewer;
@@ -28,9 +28,9 @@ fn lit(dir: &Path, light: &str, extra: &str) -> PathBuf {
     path
 }
 
-fn planned(path: &Path) -> (Scene, Ledger) {
+fn planned(path: &Path) -> (LoadedScene, Ledger) {
     let ledger = Ledger::new();
-    (Scene::open(Manifest::read(path).unwrap(), Search::default(), &ledger).unwrap(), ledger)
+    (LoadedScene::open(SceneManifest::read(path).unwrap(), LeafSearch::default(), &ledger).unwrap(), ledger)
 }
 
 /// The polynomial fit runs only for a sun that moves. Unneeded parts are listed as left out.
@@ -124,7 +124,7 @@ fn a_mistake_in_a_sky_is_named() {
         ("model = \"preetham\"\nturbidity = 3", "", "sun.irradiance: missing"),
     ] {
         assert!(PREETHAM.contains(from));
-        let error = Manifest::read(&lit(dir.path(), &PREETHAM.replacen(from, to, 1), "")).unwrap_err();
+        let error = SceneManifest::read(&lit(dir.path(), &PREETHAM.replacen(from, to, 1), "")).unwrap_err();
         assert!(error.to_string().contains(expected) && error.is_usage(), "{error}\nexpected {expected}");
     }
 }
@@ -194,7 +194,7 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
     let dir = tempfile::tempdir().unwrap();
     Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let light = format!("{PREETHAM}ground_albedo = [0.1, 0.1, 0.1]\n");
-    let manifest = Manifest::read(&lit(dir.path(), &light, "")).unwrap();
+    let manifest = SceneManifest::read(&lit(dir.path(), &light, "")).unwrap();
     let mut renderer = match viewer::Renderer::headless(&viewer::Options::default()) {
         Ok(renderer) => renderer,
         Err(viewer::Error::NoAdapter) => return skips::skip(Need::Adapter, "no graphics adapter"),
@@ -223,7 +223,7 @@ fn the_cost_of_the_harmonics_falls_with_bands() {
                     .set_scene(&card(rho_d, rho_s, m, transform, handover::dome(&daylight, bands, None).unwrap()))
                     .unwrap();
                 let drawn = renderer.render(&camera, 5, 5).unwrap().hdr[12];
-                let flat = closed_form::Card {
+                let flat = closed_form::FlatLeaf {
                     rho_d: [f64::from(rho_d); 3],
                     rho_s: [f64::from(rho_s); 3],
                     m: f64::from(m),
@@ -260,8 +260,9 @@ fn the_window_is_given_the_sky_it_asks_for() {
     Blade { width: 24, height: 18, texel_mm: 2.0, ..Blade::default() }.write(&dir.path().join("fits/elm"), "elm");
     let path = lit(dir.path(), PREETHAM, "");
     let ledger = Ledger::new();
-    let manifest = Manifest::read(&path).unwrap();
-    let free = Scene::open(manifest.clone(), Search { free: true, ..Search::default() }, &ledger).unwrap();
+    let manifest = SceneManifest::read(&path).unwrap();
+    let free =
+        LoadedScene::open(manifest.clone(), LeafSearch { free: true, ..LeafSearch::default() }, &ledger).unwrap();
     let mut scene = handover::scene(&free, &ledger).unwrap();
     assert_eq!(ledger.count("fit", "sky"), 1, "a window's sun moves");
     let mut editor = SceneEditor::new(free, dir.path().join("out")).unwrap();
@@ -290,8 +291,8 @@ fn the_window_is_given_the_sky_it_asks_for() {
 }
 
 /// A flat uniform card with its front up.
-fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::Dome) -> viewer::scene::Scene {
-    use viewer::scene::{Instance, Interior, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides};
+fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::SkyDome) -> viewer::scene::Scene {
+    use viewer::scene::{Instance, Interior, LeafMaterial, Lobe, Material, Mesh, Scene, SideMaps, Sides};
     let side = |rho_d: f32, gloss: bool| SideMaps {
         gamma_delta: Vec::new(),
         gloss: (gloss && rho_s > 0.0).then(|| vec![[rho_s, rho_s, rho_s, m]]),
@@ -308,7 +309,7 @@ fn card(rho_d: f32, rho_s: f32, m: f32, transform: DMat4, dome: viewer::scene::D
         indices: vec![0, 1, 2, 0, 2, 3],
         ..Mesh::default()
     };
-    let leaf = Leaf {
+    let leaf = LeafMaterial {
         name: "card".into(),
         width: 1,
         height: 1,

@@ -2,9 +2,9 @@
 
 use crate::plants::{run, scene};
 use glam::DVec3;
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::manifest::SceneManifest;
 use mesophyll::scene::placed::ledger::Ledger;
-use mesophyll::scene::placed::plant::{Planted, planted};
+use mesophyll::scene::placed::plant::{PlacedPlant, planted};
 use serde_json::Value;
 use std::path::Path;
 
@@ -24,13 +24,13 @@ fn stripped(folder: &Path) {
     std::fs::write(folder.join("elsewhere.glb"), glb.to_vec().unwrap()).unwrap();
 }
 
-fn plants(folder: &Path, file: &str) -> Planted {
+fn plants(folder: &Path, file: &str) -> PlacedPlant {
     let path = scene(folder, &format!("file = \"{file}\"\n{MATTER}"));
-    planted(&Manifest::read(&path).unwrap(), &Ledger::new()).unwrap().remove(0)
+    planted(&SceneManifest::read(&path).unwrap(), &Ledger::new()).unwrap().remove(0)
 }
 
 /// The size of all wood along the three axes (mm).
-fn size(plant: &Planted) -> DVec3 {
+fn size(plant: &PlacedPlant) -> DVec3 {
     let places = plant.wood().into_iter().flat_map(|wood| wood.mesh.positions);
     let (low, high) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
     high - low
@@ -94,8 +94,8 @@ fn a_part_needs_no_branches_and_a_mesh_is_y_up() {
     let height = |mesh: &str| {
         let text = head.replace("mesh = \"leaf.glb\"\n", mesh);
         std::fs::write(&path, format!("{text}[[instance]]\nleaf = \"elm\"\n")).unwrap();
-        let manifest = Manifest::read(&path).map_err(|e| e.to_string())?;
-        let placed = mesophyll::scene::placed::Placed::new(&manifest, Default::default(), &Ledger::new());
+        let manifest = SceneManifest::read(&path).map_err(|e| e.to_string())?;
+        let placed = mesophyll::scene::placed::PlacedScene::new(&manifest, Default::default(), &Ledger::new());
         let placed = placed.map_err(|e| e.to_string())?;
         let mesh = placed.leaves[0].mesh.clone().unwrap();
         let (low, high) =

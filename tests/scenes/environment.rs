@@ -3,11 +3,11 @@
 
 use crate::common::skips::{Need, skip};
 use crate::common::{refused, run, succeeded};
-use mesophyll::files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use mesophyll::scene::draw::handover;
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::{leaf::Search, ledger::Ledger};
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::{leaf::LeafSearch, ledger::Ledger};
 use mesophyll_viewer::{Options, Renderer};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -39,14 +39,14 @@ fn scene(folder: &Path, light: &str, tilt_deg: f64) -> PathBuf {
 }
 
 /// The path tracer's picture of a view.
-fn traced(folder: &Path, view: &str, samples: &str) -> Maps {
+fn traced(folder: &Path, view: &str, samples: &str) -> ChannelMaps {
     let (path, out) = (folder.join("scene.toml"), folder.join("out"));
     let [path, out] = [path.to_str().unwrap(), out.to_str().unwrap()];
     succeeded(&run(["render", path, "-o", out, "--view", view, "--samples", samples]));
     read_exr(&folder.join(format!("out/{view}.exr"))).unwrap()
 }
 
-fn brightest(maps: &Maps) -> f32 {
+fn brightest(maps: &ChannelMaps) -> f32 {
     maps.get("G").unwrap().iter().fold(0.0, |a, b| a.max(*b))
 }
 
@@ -57,7 +57,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 
 /// A sky of 128 × 64 texels whose radiance is `of(column, row)`.
 fn picture(path: &Path, of: impl Fn(usize, usize) -> [f32; 3]) {
-    let mut maps = Maps::new(128, 64);
+    let mut maps = ChannelMaps::new(128, 64);
     for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
         maps.push(name, (0..128 * 64).map(|k| of(k % 128, k / 128)[c]).collect());
     }
@@ -160,8 +160,8 @@ fn skies_of_other_programs_are_read_and_what_is_none_is_refused() {
 
 /// The leaf in real time, and its part that the path tracer is compared with: the picture's middle, which it fills.
 fn drawn(folder: &Path, renderer: &mut Renderer) -> [f64; 3] {
-    let manifest = Manifest::read(&folder.join("scene.toml")).unwrap();
-    let scene = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
+    let manifest = SceneManifest::read(&folder.join("scene.toml")).unwrap();
+    let scene = LoadedScene::open(manifest, LeafSearch::default(), &Ledger::new()).unwrap();
     renderer.set_scene(&handover::scene(&scene, &Ledger::new()).unwrap()).unwrap();
     let view = scene.manifest.views.iter().find(|v| v.name == "leaf").unwrap();
     let picture = renderer.render(&handover::camera(view), 24, 24).unwrap();

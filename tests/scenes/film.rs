@@ -3,9 +3,9 @@
 use crate::common::skips::{Need, skip};
 use mesophyll::fits::grass;
 use mesophyll::scene::draw::handover;
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::{leaf::Search, ledger::Ledger};
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::{leaf::LeafSearch, ledger::Ledger};
 use mesophyll_viewer::{Options, Renderer};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -49,8 +49,8 @@ fn a_film_shows_the_wind_and_goes_on() {
     assert!(frame(3).is_none() && first[0] != first[1] && first[1] != first[2]);
 
     // Each frame is the scene's picture at its time.
-    let manifest = Manifest::read(&path).unwrap();
-    let scene = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
+    let manifest = SceneManifest::read(&path).unwrap();
+    let scene = LoadedScene::open(manifest, LeafSearch::default(), &Ledger::new()).unwrap();
     let mut drawn = handover::scene(&scene, &Ledger::new()).unwrap();
     drawn.wind.as_mut().unwrap().time_s = 2.2;
     let mut renderer = Renderer::headless(&Options::default()).unwrap();

@@ -6,11 +6,11 @@ use crate::json;
 use crate::skips;
 use mesophyll::files::image::{Packing, read_exr, write_exr};
 use mesophyll::files::quantity::Quantity;
-use mesophyll::fits::leaf_folder::edit::{Edit, save};
-use mesophyll::fits::leaf_folder::{File, LeafFit};
+use mesophyll::fits::leaf_folder::edit::{LeafSideEdit, save};
+use mesophyll::fits::leaf_folder::{LeafFit, LeafFitFile};
 use mesophyll::fits::record::FitRecord;
 use mesophyll::optics::side::{Side, Sides};
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::manifest::SceneManifest;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -51,7 +51,7 @@ fn every_committed_scene_draws_its_goldens() {
     let mut wrong = Vec::new();
     for scene in scenes() {
         let start = Instant::now();
-        let manifest = Manifest::read(&scene).unwrap();
+        let manifest = SceneManifest::read(&scene).unwrap();
         let output = check(&scene, &dir.path().join(&manifest.name), &[]);
         if skips::no_adapter(&output) {
             return;
@@ -88,7 +88,7 @@ struct Tampering {
 
 /// Writes the fit `name` under `fits` again as an edit in the window does: the maps are solved again, and everything is
 /// hashed.
-fn edit(fits: &Path, name: &str, change: impl Fn(f64) -> Edit) {
+fn edit(fits: &Path, name: &str, change: impl Fn(f64) -> LeafSideEdit) {
     let folder = fits.join(name);
     let fitted = LeafFit::open(&folder).unwrap().called(name);
     let change = change(fitted.thickness(Side::Front).unwrap());
@@ -97,15 +97,15 @@ fn edit(fits: &Path, name: &str, change: impl Fn(f64) -> Edit) {
     std::fs::rename(made, folder).unwrap();
 }
 
-fn scaled(sigma_a: f64, thickness_mm: f64) -> Edit {
-    Edit { sigma_a: [sigma_a; 3], thickness_mm, ..Edit::default() }
+fn scaled(sigma_a: f64, thickness_mm: f64) -> LeafSideEdit {
+    LeafSideEdit { sigma_a: [sigma_a; 3], thickness_mm, ..LeafSideEdit::default() }
 }
 
 /// Multiplies γ and ρd by .8.
 fn paler(folder: &Path) {
     let mut record = FitRecord::read(folder).unwrap();
     for side in Side::ALL {
-        let file = File::Maps.name(side);
+        let file = LeafFitFile::Maps.name(side);
         let path = folder.join(&file);
         let mut maps = read_exr(&path).unwrap();
         for (quantity, c) in [Quantity::Gamma, Quantity::RhoD].into_iter().flat_map(|q| (0..3).map(move |c| (q, c))) {
@@ -132,10 +132,12 @@ const TAMPERINGS: [Tampering; 7] = [
     Tampering {
         what: "ρs × 2",
         scene: "glossy-sky",
-        act: |fits| edit(fits, "balata", |_| Edit { rho_s: 2.0, ..Edit::default() }),
+        act: |fits| edit(fits, "balata", |_| LeafSideEdit { rho_s: 2.0, ..LeafSideEdit::default() }),
     },
     Tampering {
-        what: "m × 2", scene: "sky", act: |fits| edit(fits, "balata", |_| Edit { m: 2.0, ..Edit::default() })
+        what: "m × 2",
+        scene: "sky",
+        act: |fits| edit(fits, "balata", |_| LeafSideEdit { m: 2.0, ..LeafSideEdit::default() }),
     },
     Tampering { what: "load × 2.5", scene: "twig", act: |fits| heavier(&fits.join("elm-twig")) },
 ];

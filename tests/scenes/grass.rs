@@ -1,10 +1,10 @@
 //! Grass in scenes: all blades of one material form a leaf's mesh.
 
 use crate::common;
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
 use mesophyll::scene::placed::ledger::Ledger;
-use mesophyll::scene::placed::{Placed, leaf::Search};
+use mesophyll::scene::placed::{PlacedScene, leaf::LeafSearch};
 use std::path::{Path, PathBuf};
 
 const UNIFORM: &str = "uniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], rho_t = [0.05, 0.1, 0.05] }";
@@ -26,13 +26,13 @@ fn scene(folder: &Path, leaf: &str) -> std::path::PathBuf {
 fn a_leaf_takes_the_blades_of_one_material() {
     let dir = tempfile::tempdir().unwrap();
     let mesh = |leaf: &str| {
-        let manifest = Manifest::read(&scene(dir.path(), leaf)).unwrap();
-        let placed = Placed::new(&manifest, Search::default(), &Ledger::new()).unwrap();
+        let manifest = SceneManifest::read(&scene(dir.path(), leaf)).unwrap();
+        let placed = PlacedScene::new(&manifest, LeafSearch::default(), &Ledger::new()).unwrap();
         placed.leaves[0].mesh.clone().unwrap()
     };
     let described = mesh(&format!("mesh = \"clover.toml\"\npart = \"clover\"\n{UNIFORM}"));
     mesophyll::plants::file::write(
-        &mesophyll::plants::grow::described(&dir.path().join("clover.toml"), None).unwrap(),
+        &mesophyll::plants::growth::described(&dir.path().join("clover.toml"), None).unwrap(),
         &dir.path().join("clover.glb"),
     )
     .unwrap();
@@ -54,7 +54,7 @@ fn a_meadow_is_a_plant_that_stands_still() {
     let plant = "[[plant]]\ngrow = \"clover.toml\"\nmaterials = { grass = \"grass\", clover = \"grass\" }\n\
          [wind]\nspeed_m_s = 6\nseed = 1\n";
     std::fs::write(&path, format!("{text}{plant}")).unwrap();
-    let placed = Placed::new(&Manifest::read(&path).unwrap(), Search::default(), &Ledger::new()).unwrap();
+    let placed = PlacedScene::new(&SceneManifest::read(&path).unwrap(), LeafSearch::default(), &Ledger::new()).unwrap();
     assert!(placed.winds.is_none() && placed.placements.len() == 1 + 3040 + 104);
 }
 
@@ -86,8 +86,9 @@ fn the_committed_scenes_are_planned() {
     for (name, wind) in
         [("lawn", false), ("meadow", true), ("post", false), ("stone", false), ("tree", true), ("hill", false)]
     {
-        let manifest = Manifest::read(&committed(name)).unwrap();
-        let Scene { manifest, plan, .. } = Scene::open(manifest, Search::default(), &Ledger::new()).unwrap();
+        let manifest = SceneManifest::read(&committed(name)).unwrap();
+        let LoadedScene { manifest, plan, .. } =
+            LoadedScene::open(manifest, LeafSearch::default(), &Ledger::new()).unwrap();
         let grass = format!("grass {}", manifest.grass[0].name);
         assert!(plan.needed.iter().any(|n| n.name == grass), "{name}");
         let leans = format!("wind in {}", manifest.grass[0].name);
@@ -104,9 +105,9 @@ fn the_committed_scenes_are_planned() {
 fn a_committed_scene_passes_its_limits_and_one_that_is_off_does_not() {
     use mesophyll::check::blocks;
     use mesophyll::scene::draw::handover;
-    use mesophyll::scene::draw::truth::Truth;
-    use mesophyll::transport::compare::compare;
-    let mut manifest = Manifest::read(&committed("lawn")).unwrap();
+    use mesophyll::scene::draw::scene_reference::SceneReference;
+    use mesophyll::transport::comparison::compare;
+    let mut manifest = SceneManifest::read(&committed("lawn")).unwrap();
     let side = 4;
     let few = manifest.views[0].blocks.unwrap() / side;
     (manifest.check.width, manifest.check.height) = (manifest.check.width / few, manifest.check.height / few);
@@ -114,9 +115,9 @@ fn a_committed_scene_passes_its_limits_and_one_that_is_off_does_not() {
     manifest.views[0].blocks = Some(side);
     let (size, view) = ([manifest.check.width, manifest.check.height].map(|n| n as usize), manifest.views[0].clone());
     let ledger = Ledger::new();
-    let scene = Scene::open(manifest, Search::default(), &ledger).unwrap();
+    let scene = LoadedScene::open(manifest, LeafSearch::default(), &ledger).unwrap();
     let world = mesophyll::scene::draw::reference::traced(&scene, 0.0, &ledger).unwrap();
-    let truth = Truth::new(&world, true).unwrap().view(&scene, &view, 1).unwrap();
+    let truth = SceneReference::new(&world, true).unwrap().view(&scene, &view, 1).unwrap();
     let seen = |times: f32| {
         let hdr: Vec<[f32; 4]> = truth.hdr.iter().map(|p| p.map(|v| v * times)).collect();
         blocks::picture(&hdr, size, side as usize, scene.manifest.exposure)
@@ -143,7 +144,7 @@ fn too_few_blocks_are_one_sentence() {
     let text = std::fs::read_to_string(&path).unwrap();
     for (side, found) in [(0, "32 x 32"), (1, "32 x 32"), (4, ""), (5, "6 x 6"), (32, "1 x 1")] {
         std::fs::write(&path, text.replace("fov_deg = 20\n", &format!("fov_deg = 20\nblocks = {side}\n"))).unwrap();
-        let read = Manifest::read(&path);
+        let read = SceneManifest::read(&path);
         if found.is_empty() {
             assert_eq!(read.unwrap().views[0].blocks, Some(side));
             continue;

@@ -5,13 +5,13 @@ use crate::skips;
 use glam::{DVec2, DVec3, Vec3};
 use mesophyll::fits::grass::hill::Hill;
 use mesophyll::fits::grass::judge::seen;
-use mesophyll::fits::grass::march::{Across, Crossing};
+use mesophyll::fits::grass::march::{SliceAxis, SliceCrossing};
 use mesophyll::fits::grass::sheet::CHANNELS;
-use mesophyll::proof::pictures::ridge::{Silhouettes, silhouettes};
+use mesophyll::proof::pictures::ridge::{LawnSilhouettes, silhouettes};
 use mesophyll::scene::draw::reference;
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll_viewer::scene::{Camera, Grass, Sun};
 use std::f32::consts::PI;
@@ -67,7 +67,7 @@ fn a_lawn_on_a_hill_is_its_twin() {
             drawn.sun = sunlit.then(|| Sun { direction: sun.as_vec3(), irradiance: [PI; 3], radius: 0.0 });
             drawn.sky = (!sunlit).then_some([1.0; 3]);
             renderer.set_scene(&drawn).unwrap();
-            let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| {
+            let colour = |c: &SliceCrossing, t: &[f64; CHANNELS], d: DVec3| {
                 let n = DVec3::new(t[10], t[11], t[12]);
                 let n = (n * -n.dot(d).signum()).normalize_or_zero();
                 let (reflected, through) = (seen(t, d), [t[7], t[8], t[9]]);
@@ -168,7 +168,7 @@ fn blades_before_the_sky_cover_samples_as_their_opacity_says() {
         let picture = renderer.render(&camera, SIDE, SIDE).unwrap().hdr;
         let of = |(o, d): (DVec3, DVec3)| {
             let [upright, level] = slices.weights(d);
-            let weight = |c: Crossing| if c.across == Across::Z { level } else { upright };
+            let weight = |c: SliceCrossing| if c.across == SliceAxis::Z { level } else { upright };
             1.0 - (1.0 - f64::from(opacity)).powf(slices.crossings(o, d, None).map(weight).sum())
         };
         let n = f64::from(SIDE * SIDE);
@@ -185,7 +185,7 @@ fn blades_before_the_sky_cover_samples_as_their_opacity_says() {
 #[test]
 fn grass_stands_out_over_the_ridge() {
     let Some(mut renderer) = renderer() else { return };
-    let Silhouettes { bare, blades, slices } = silhouettes(&mut renderer, 90).unwrap();
+    let LawnSilhouettes { bare, blades, slices } = silhouettes(&mut renderer, 90).unwrap();
     println!("bare {bare:.2}, blades {blades:.2}, slices {slices:.2}");
     assert!(bare > 1.0 && blades > bare + 2.0, "bare {bare}, blades {blades}");
     assert!(slices > bare + 0.75 * (blades - bare) && slices < blades + 0.25, "bare {bare}, {blades}, {slices}");
@@ -197,7 +197,7 @@ fn blades_and_ground_follow_the_hill() {
     let dir = tempfile::tempdir().unwrap();
     let grass = GRASS.replace("[401, 401]", "[3, 2]");
     let path = file(dir.path(), &grass, &format!("{GROUND}{HILL}"));
-    let scene = Scene::open(Manifest::read(&path).unwrap(), Search::default(), &Ledger::new()).unwrap();
+    let scene = LoadedScene::open(SceneManifest::read(&path).unwrap(), LeafSearch::default(), &Ledger::new()).unwrap();
     let world = reference::traced(&scene, 0.0, &Ledger::new()).unwrap();
     let hill =
         |at: DVec2| 4.0 + 90.0 * (-at.distance_squared(DVec2::new(20.0, -10.0)) / (2.0 * 150.0f64.powi(2))).exp();

@@ -4,20 +4,20 @@
 use crate::lawn::{GRASS, GROUND, SIDE, cameras, even, file, lawn, lawn_of, renderer};
 use glam::{DVec3, Vec2, Vec3};
 use mesophyll::fits::grass;
-use mesophyll::fits::grass::blades::Meadow;
-use mesophyll::fits::grass::through;
+use mesophyll::fits::grass::blades::LawnMeadow;
+use mesophyll::fits::grass::transmittance;
 use mesophyll::scene::draw::grass::seen_from_above;
 use mesophyll::scene::draw::handover;
 use mesophyll::scene::draw::reference;
-use mesophyll::scene::draw::truth::{Sampling, Truth};
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::draw::scene_reference::{ReferenceSampling, SceneReference};
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::transport;
 use mesophyll::transport::rays::Ray;
 use mesophyll_viewer::Renderer;
-use mesophyll_viewer::scene::{Camera, Dome, Grass, Scene as Drawn};
+use mesophyll_viewer::scene::{Camera, Grass, Scene as Drawn, SkyDome};
 use std::f32::consts::PI;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -42,10 +42,10 @@ fn off(renderer: &mut Renderer, sun: &str, sky: &str) -> (Vec<[f64; 3]>, f64, f6
     let text = std::fs::read_to_string(&path).unwrap().replace("radiance = [1, 1, 1]", sky);
     std::fs::write(&path, text).unwrap();
     let ledger = Ledger::new();
-    let scene = Scene::open(Manifest::read(&path).unwrap(), Search::default(), &ledger).unwrap();
+    let scene = LoadedScene::open(SceneManifest::read(&path).unwrap(), LeafSearch::default(), &ledger).unwrap();
     let lawn = handover::scene(&scene, &ledger).unwrap();
     let world = reference::traced(&scene, 0.0, &ledger).unwrap();
-    let truth = Truth::new(&world, true).unwrap();
+    let truth = SceneReference::new(&world, true).unwrap();
     renderer.set_scene(&lawn).unwrap();
     let directions = [(15.0f32, 20.0f32), (15.0, 155.0), (15.0, 245.0), (45.0, 65.0), (45.0, 290.0), (80.0, 110.0)];
     let one = |(elevation, azimuth): (f32, f32)| {
@@ -53,13 +53,13 @@ fn off(renderer: &mut Renderer, sun: &str, sky: &str) -> (Vec<[f64; 3]>, f64, f6
         let eye = MIDDLE + 500.0 * Vec3::new(e.cos() * a.cos(), e.cos() * a.sin(), e.sin());
         let camera = Camera { eye, target: MIDDLE + 20.0 * Vec3::Z, up: Vec3::Z, fov_y_deg: 12.0 };
         let picture = renderer.render(&camera, 16, 16).unwrap();
-        let other = transport::Camera {
+        let other = transport::ReferenceCamera {
             eye: eye.as_dvec3(),
             target: camera.target.as_dvec3(),
             up: camera.up.as_dvec3(),
             fov_y_deg: 12.0,
         };
-        let sampling = Sampling { size: [16, 16], samples: 64, sun_samples: 1, seed: 7 };
+        let sampling = ReferenceSampling { size: [16, 16], samples: 64, sun_samples: 1, seed: 7 };
         let right = truth.draw(&other, "lawn", sampling).unwrap();
         let mean = |hdr: &[[f32; 4]], c: usize| hdr.iter().map(|p| f64::from(p[c])).sum::<f64>() / hdr.len() as f64;
         let off = [0, 1, 2].map(|c| mean(&picture.hdr, c) / mean(&right.hdr, c) - 1.0);
@@ -117,11 +117,11 @@ fn the_sky_arrives_at_blades_as_rays_from_them_say() {
     file(dir.path(), GRASS, GROUND);
     let path = dir.path().join("meadow.toml");
     let leaves = grass::optics::read(None).unwrap();
-    let meadow = Meadow::new(&path, &grass::plant(&path).unwrap(), &leaves).unwrap();
+    let meadow = LawnMeadow::new(&path, &grass::plant(&path).unwrap(), &leaves).unwrap();
     let options = grass::Options { slices: 8, texels: [32, 16], rays: 2, entries: 8, ..Default::default() };
     let mut slices = grass::baked(&meadow, &options);
     grass::weights::fit(&meadow, &mut slices, options.entries).unwrap();
-    let table = through::open(&slices, &through::through(&slices));
+    let table = transmittance::open(&slices, &transmittance::through(&slices));
     let mut sums = [[0.0f64; 4]; STEPS + 1];
     // Rays in all directions from all places of the layer hit blades evenly by area.
     let share = |k: usize, a: f64| (k as f64 * a + 0.37).fract();
@@ -170,7 +170,7 @@ fn an_even_dome_is_a_constant_sky() {
         let right = drawn(&mut renderer, &scene, camera);
         let mut harmonics = vec![[0.0; 3]; 9];
         harmonics[0] = [0.8, 0.9, 1.2].map(|v: f32| v * (4.0 * PI).sqrt());
-        scene.dome = Some(Dome {
+        scene.dome = Some(SkyDome {
             picture: None,
             harmonics,
             perez: [[0.0; 5]; 3],
@@ -198,7 +198,7 @@ fn a_lawn_takes_the_slices_of_a_fit() {
     grass::run(&dir.path().join("meadow.toml"), &dir.path().join("slices"), &options).unwrap();
     let open = || {
         let ledger = Ledger::new();
-        let scene = Scene::open(Manifest::read(&path).unwrap(), Search::default(), &ledger).unwrap();
+        let scene = LoadedScene::open(SceneManifest::read(&path).unwrap(), LeafSearch::default(), &ledger).unwrap();
         handover::scene(&scene, &ledger)
     };
     let taken = open().unwrap().grass[0].as_ref().clone();
@@ -226,12 +226,12 @@ fn a_lawn_that_nobody_sees_from_above_has_no_level_slice() {
     let sun = "[sun]\nzenith_deg = 80\nazimuth_deg = 65\nirradiance = [1, 1, 1]\n";
     let path = file(dir.path(), GRASS, &format!("{GROUND}{sun}"));
     let ledger = Ledger::new();
-    let mut scene = Scene::open(Manifest::read(&path).unwrap(), Search::default(), &ledger).unwrap();
+    let mut scene = LoadedScene::open(SceneManifest::read(&path).unwrap(), LeafSearch::default(), &ledger).unwrap();
     let view = &mut scene.manifest.views[0];
     (view.eye_mm, view.up, view.fov_deg) = (Some([0.0, -3000.0, 80.0]), None, Some(1.0));
     let lawn = &scene.placed.grass[0];
     let slices = lawn.slices(&scene.manifest, &ledger).unwrap();
-    let seen = |change: &dyn Fn(&mut Manifest)| {
+    let seen = |change: &dyn Fn(&mut SceneManifest)| {
         let mut manifest = scene.manifest.clone();
         change(&mut manifest);
         seen_from_above(lawn, &slices, &manifest)

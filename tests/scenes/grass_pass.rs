@@ -8,10 +8,10 @@ use crate::lawn::{
 };
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use mesophyll::fits::grass::judge::{lit, seen};
-use mesophyll::fits::grass::march::{Across, Crossing, Slices, unleant};
+use mesophyll::fits::grass::march::{LawnSlices, SliceAxis, SliceCrossing, unleant};
 use mesophyll::fits::grass::sheet::CHANNELS;
 use mesophyll_viewer::Backend;
-use mesophyll_viewer::scene::{Grass, GrassGusts, Material, Mesh, Opaque, Scene as Drawn, Sun};
+use mesophyll_viewer::scene::{Grass, GrassGusts, Material, Mesh, OpaqueMaterial, Scene as Drawn, Sun};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -64,7 +64,7 @@ fn the_pass_in_the_wind_is_its_twin() {
     };
     grass.gusts = Some(Arc::new(gusts.clone()));
     drawn.grass = vec![Arc::new(grass)];
-    drawn.wind = Some(mesophyll_viewer::scene::Wind { time_s: 1.7 });
+    drawn.wind = Some(mesophyll_viewer::scene::WindState { time_s: 1.7 });
     // Cameras from above, across all slices, and from inside. The other cameras run the same code.
     beside_twins(Backend::Any, &[0, 4, 6], (drawn.clone(), slices), &at);
     // At another time, the map has moved, and the scene is not set again.
@@ -83,7 +83,7 @@ fn the_pass_in_the_wind_is_its_twin() {
 }
 
 /// Draws a lawn under a sky and under a sun with some of the cameras, and compares each picture with its twin.
-pub fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Drawn, Slices), lean: Lean) {
+pub fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Drawn, LawnSlices), lean: Lean) {
     let Some(mut renderer) = renderer_on(backend) else { return };
     let mut grass = drawn.grass[0].as_ref().clone();
     (grass.open, grass.soil_open, grass.scatter) = ([1.0; 17], 1.0, [0.0; 3]);
@@ -97,7 +97,7 @@ pub fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Dra
         // An even sky: each of the two sides gets the part of it that is above.
         (drawn.sun, drawn.sky) = (None, Some([1.0; 3]));
         renderer.set_scene(&drawn).unwrap();
-        let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| {
+        let colour = |c: &SliceCrossing, t: &[f64; CHANNELS], d: DVec3| {
             let n = c.turned(DVec3::new(t[10], t[11], t[12]));
             let up = (n * -n.dot(d).signum()).normalize_or_zero().z;
             let reflected = seen(t, c.unleant(d));
@@ -110,7 +110,7 @@ pub fn beside_twins(backend: Backend, which: &[usize], (mut drawn, slices): (Dra
         drawn.sun = Some(Sun { direction: sun.as_vec3(), irradiance: [PI as f32; 3], radius: 0.0 });
         drawn.sky = None;
         renderer.set_scene(&drawn).unwrap();
-        let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| lit(&slices, c, t, d, sun, 0.0);
+        let colour = |c: &SliceCrossing, t: &[f64; CHANNELS], d: DVec3| lit(&slices, c, t, d, sun, 0.0);
         let soil = |place: DVec3| {
             let to = unleant(sun, lean(place.truncate()));
             sun.z * (1.0 - slices.march(place.with_z(0.0), to, 256, 0.0, |_, _| [0.0; 3]).opacity)
@@ -141,7 +141,7 @@ fn a_plate_in_the_grass_is_hidden_where_opacity_passes_one_half() {
         indices: vec![0, 1, 2, 0, 2, 3],
         ..Mesh::default()
     };
-    let plate = drawn.add(plate, Material::Opaque(Opaque { name: "plate".into(), albedo: [0.0; 3] }));
+    let plate = drawn.add(plate, Material::Opaque(OpaqueMaterial { name: "plate".into(), albedo: [0.0; 3] }));
     drawn.instances.push(plate);
     drawn.sky = Some([1.0; 3]);
     renderer.set_scene(&drawn).unwrap();
@@ -177,7 +177,7 @@ fn a_sun_below_the_horizon_lights_no_blade() {
             let seen = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
             let dark = seen.iter().all(|p| p[..3] == [0.0; 3]);
             assert_eq!(dark, zenith > 90.0, "sun at {zenith}°, {camera:?}");
-            let colour = |c: &Crossing, t: &[f64; CHANNELS], d: DVec3| lit(&slices, c, t, d, sun, 0.0);
+            let colour = |c: &SliceCrossing, t: &[f64; CHANNELS], d: DVec3| lit(&slices, c, t, d, sun, 0.0);
             let right = twin(&slices, camera, origin, STILL, colour, |_| 0.0);
             assert_eq!(right.iter().all(|p| p.0 == [0.0; 3]), zenith > 90.0, "twin, sun at {zenith}°");
         }
@@ -215,10 +215,10 @@ fn a_ray_that_is_cut_off_shows_the_colour_that_it_gathered() {
         let picture = renderer.render(camera, SIDE, SIDE).unwrap().hdr;
         let mut wrong = Vec::new();
         for (pixel, (o, d)) in picture.iter().zip(rays(camera, origin, slices.height)) {
-            let crossed: Vec<Crossing> = slices.crossings(o, d, None).take(2).collect();
+            let crossed: Vec<SliceCrossing> = slices.crossings(o, d, None).take(2).collect();
             let [upright, level] = slices.weights(d);
             let gathered = crossed.first().map_or(0.0, |c| {
-                let weight = if c.across == Across::Z { level } else { upright };
+                let weight = if c.across == SliceAxis::Z { level } else { upright };
                 1.0 - (1.0 - f64::from(opacity)).powf(weight)
             });
             let cut = crossed.len() > 1 && gathered >= 1e-3;

@@ -4,15 +4,15 @@
 use crate::grass_pass::beside_twins;
 use crate::lawn::{GRASS, GROUND, STILL, file, lawn_of, renderer};
 use glam::{DVec2, DVec3, Vec3};
-use mesophyll::fits::grass::blades::Meadow;
-use mesophyll::fits::grass::irregular::{SHIFTS, shifted};
-use mesophyll::fits::grass::march::{Across, Crossing, Slices};
+use mesophyll::fits::grass::blades::LawnMeadow;
+use mesophyll::fits::grass::irregularity::{SHIFTS, shifted};
+use mesophyll::fits::grass::march::{LawnSlices, SliceAxis, SliceCrossing};
 use mesophyll::fits::grass::{Options, baked, optics, plant};
 use mesophyll::proof::pictures::repeats::{autocorrelation, largest};
 use mesophyll::scene::draw::reference;
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll_viewer::Backend;
 use mesophyll_viewer::scene::{Camera, Grass};
@@ -78,11 +78,11 @@ fn seeds_give_lawns_that_have_nothing_in_common() {
     }
 }
 
-fn slices() -> Slices {
+fn slices() -> LawnSlices {
     let dir = tempfile::tempdir().unwrap();
     file(dir.path(), GRASS, GROUND);
     let path = dir.path().join("meadow.toml");
-    let meadow = Meadow::new(&path, &plant(&path).unwrap(), &optics::read(None).unwrap()).unwrap();
+    let meadow = LawnMeadow::new(&path, &plant(&path).unwrap(), &optics::read(None).unwrap()).unwrap();
     baked(&meadow, &Options { slices: 8, texels: [32, 16], rays: 1, ..Options::default() })
 }
 
@@ -90,23 +90,23 @@ fn slices() -> Slices {
 #[test]
 fn slices_show_the_meadow_moved() {
     let plain = slices();
-    let moved = Slices { irregular: Some(9), ..plain.clone() };
+    let moved = LawnSlices { irregular: Some(9), ..plain.clone() };
     let step = [0, 1].map(|k| plain.period[k] / plain.count as f64);
     for k in 0..300i64 {
-        let across = [Across::X, Across::Y, Across::Z][k as usize % 3];
-        let index = if across == Across::Z { 0 } else { k * 7 % 61 - 30 };
+        let across = [SliceAxis::X, SliceAxis::Y, SliceAxis::Z][k as usize % 3];
+        let index = if across == SliceAxis::Z { 0 } else { k * 7 % 61 - 30 };
         let f = |a: f64| (k as f64 * a).fract();
         let mut place = DVec3::new(900.0 * f(0.7549) - 450.0, 900.0 * f(0.5698) - 450.0, plain.height * f(0.3247));
-        if across != Across::Z {
+        if across != SliceAxis::Z {
             let axis = across as usize;
             place[axis] = (index as f64 + 0.5) * step[axis] - 0.5 * plain.period[axis];
         }
         let period = DVec2::from(plain.period);
         let rectangle = (place.truncate() / period + 0.5).floor().to_array().map(|n| n as i64);
         let by = shifted(9, rectangle);
-        let from = Crossing { t: 0.0, across, index, place, lean: DVec2::ZERO };
-        let slices = if across == Across::Z { 0 } else { by[across as usize] as i64 };
-        let to = Crossing {
+        let from = SliceCrossing { t: 0.0, across, index, place, lean: DVec2::ZERO };
+        let slices = if across == SliceAxis::Z { 0 } else { by[across as usize] as i64 };
+        let to = SliceCrossing {
             index: index + slices,
             place: place + (DVec2::new(by[0] as f64, by[1] as f64) / 8.0 * period).extend(0.0),
             ..from
@@ -124,7 +124,7 @@ fn blades_stand_where_slices_show_them() {
     let grass = irregular().replace("[101, 101]", "[3, 2]");
     let path = file(dir.path(), &grass, GROUND);
     let ledger = Ledger::new();
-    let scene = Scene::open(Manifest::read(&path).unwrap(), Search::default(), &ledger).unwrap();
+    let scene = LoadedScene::open(SceneManifest::read(&path).unwrap(), LeafSearch::default(), &ledger).unwrap();
     let lawn = &scene.placed.grass[0];
     let period = DVec2::from(lawn.period);
     let mut right = Vec::new();
@@ -143,7 +143,7 @@ fn blades_stand_where_slices_show_them() {
     }
     let world = reference::traced(&scene, 0.0, &ledger).unwrap();
     let blades = world.instances.iter().filter(|i| world.ground.is_none_or(|g| world.instances[g].leaf != i.leaf));
-    let points = |i: &mesophyll::transport::Placement| {
+    let points = |i: &mesophyll::transport::ReferencePlacement| {
         let transform = i.transform;
         world.leaves[i.leaf].mesh.positions.iter().map(move |p| transform.transform_point3(*p)).collect::<Vec<_>>()
     };
@@ -193,7 +193,7 @@ fn an_irregular_lawn_does_not_repeat() {
     // The same by parallel rays in double precision: without an error of drawing, the regular lawn is the same.
     let plain = slices();
     for irregular in [None, Some(5)] {
-        let slices = Slices { irregular, ..plain.clone() };
+        let slices = LawnSlices { irregular, ..plain.clone() };
         let n = rectangles * period[0];
         let seen = |k: usize| {
             let at = |k: usize, axis: usize| (k as f64 + 0.3) / period[axis] as f64 * slices.period[axis];

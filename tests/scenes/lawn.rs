@@ -3,12 +3,12 @@
 
 use crate::skips::{self, Need};
 use glam::{DVec2, DVec3, Vec3};
-use mesophyll::fits::grass::march::{Crossing, Slices};
+use mesophyll::fits::grass::march::{LawnSlices, SliceCrossing};
 use mesophyll::fits::grass::sheet::CHANNELS;
 use mesophyll::scene::draw::handover;
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll_viewer::scene::{Camera, GrassSheet, Scene as Drawn};
 use mesophyll_viewer::{AdapterInfo, Backend, Error, Options, Renderer};
@@ -51,19 +51,19 @@ pub const GRASS: &str = "[[grass]]\nname = \"lawn\"\nmeadow = \"meadow.toml\"\nt
 pub const GROUND: &str = "[ground]\nalbedo = [0.06, 0.045, 0.03]\nreach_mm = 50000\nheight_mm = 4\n";
 
 /// The lawn as it is handed to the renderer, without the ground's mesh, and its slices.
-pub fn lawn(folder: &Path) -> (Drawn, Slices) {
+pub fn lawn(folder: &Path) -> (Drawn, LawnSlices) {
     lawn_of(folder, GRASS)
 }
 
-pub fn lawn_of(folder: &Path, grass: &str) -> (Drawn, Slices) {
+pub fn lawn_of(folder: &Path, grass: &str) -> (Drawn, LawnSlices) {
     lawn_with(folder, grass, GROUND)
 }
 
 /// The same with further text of the scene file, the ground's included.
-pub fn lawn_with(folder: &Path, grass: &str, more: &str) -> (Drawn, Slices) {
-    let manifest = Manifest::read(&file(folder, grass, more)).unwrap();
+pub fn lawn_with(folder: &Path, grass: &str, more: &str) -> (Drawn, LawnSlices) {
+    let manifest = SceneManifest::read(&file(folder, grass, more)).unwrap();
     let ledger = Ledger::new();
-    let scene = Scene::open(manifest, Search::default(), &ledger).unwrap();
+    let scene = LoadedScene::open(manifest, LeafSearch::default(), &ledger).unwrap();
     let mut drawn = handover::scene(&scene, &ledger).unwrap();
     drawn.instances.clear();
     (drawn.msaa, drawn.sky) = (1, None);
@@ -71,7 +71,7 @@ pub fn lawn_with(folder: &Path, grass: &str, more: &str) -> (Drawn, Slices) {
 }
 
 /// The slices as an adapter holds them, in half floats.
-fn held(slices: &Slices) -> Slices {
+fn held(slices: &LawnSlices) -> LawnSlices {
     let mut out = slices.clone();
     let sheets = [Some(&mut out.upright), out.level.as_mut()];
     let texels = sheets.into_iter().flatten().flat_map(|sheet| &mut sheet.levels).flat_map(|level| &mut level.texels);
@@ -134,11 +134,11 @@ pub const STILL: Lean = &|_| DVec2::ZERO;
 
 /// Radiance along every pixel's ray: `colour` of the slices, and `soil` of the ground where light is left.
 pub fn twin(
-    slices: &Slices,
+    slices: &LawnSlices,
     camera: &Camera,
     origin: Vec3,
     lean: Lean,
-    colour: impl Fn(&Crossing, &[f64; CHANNELS], DVec3) -> [f64; 3],
+    colour: impl Fn(&SliceCrossing, &[f64; CHANNELS], DVec3) -> [f64; 3],
     soil: impl Fn(DVec3) -> f64,
 ) -> Vec<([f64; 3], f64)> {
     let one = |(o, d): (DVec3, DVec3)| {

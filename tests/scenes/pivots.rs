@@ -2,9 +2,9 @@
 
 use super::plants::{BARK, run, scene};
 use glam::{DVec3, Vec3};
-use mesophyll::files::image::{Maps, read_exr};
+use mesophyll::files::image::{ChannelMaps, read_exr};
 use mesophyll::plants::form::nearest;
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::manifest::SceneManifest;
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::scene::placed::plant::planted;
 use std::path::Path;
@@ -15,8 +15,8 @@ fn up(x: f32, y: f32, z: f32) -> DVec3 {
 }
 
 /// The data of an element that a material can read: pivot and tip (mm, z up), and the parent.
-fn element(textures: &[Maps; 2], k: usize) -> (DVec3, DVec3, usize) {
-    let texel = |maps: &Maps| ["R", "G", "B", "A"].map(|c| maps.get(c).unwrap()[k]);
+fn element(textures: &[ChannelMaps; 2], k: usize) -> (DVec3, DVec3, usize) {
+    let texel = |maps: &ChannelMaps| ["R", "G", "B", "A"].map(|c| maps.get(c).unwrap()[k]);
     let ([x, y, z, parent], [a, b, c, length]) = (texel(&textures[0]), texel(&textures[1]));
     assert!((Vec3::new(a, b, c).length() - 1.0).abs() < 1e-6 && length > 0.0);
     let pivot = up(x, y, z);
@@ -39,7 +39,7 @@ fn the_hierarchy_is_in_the_textures() {
     assert_eq!([&about["width"], &about["height"]], [width, height]);
     assert!(count <= width * height && about["fused"] == 0);
 
-    let plant = planted(&Manifest::read(&path).unwrap(), &Ledger::new()).unwrap()[0].clone();
+    let plant = planted(&SceneManifest::read(&path).unwrap(), &Ledger::new()).unwrap()[0].clone();
     let plant = plant.plant.moved(plant.places[0]);
     assert_eq!(count, plant.branches.len() + plant.leaves.len());
     let all: Vec<_> = (0..count).map(|k| element(&textures, k)).collect();

@@ -1,24 +1,24 @@
 //! The plan: what a scene needs, what is left out, and that no other data are read.
 
 use crate::blade::{Blade, scene};
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
-use mesophyll::scene::placed::leaf::Search;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
-use mesophyll::scene::plan::Plan;
+use mesophyll::scene::plan::ScenePlan;
 use std::path::Path;
 
-fn opened(path: &Path) -> (Scene, Ledger) {
+fn opened(path: &Path) -> (LoadedScene, Ledger) {
     let ledger = Ledger::new();
-    (Scene::open(Manifest::read(path).unwrap(), Search::default(), &ledger).unwrap(), ledger)
+    (LoadedScene::open(SceneManifest::read(path).unwrap(), LeafSearch::default(), &ledger).unwrap(), ledger)
 }
 
-fn planned(path: &Path) -> (Plan, Ledger) {
+fn planned(path: &Path) -> (ScenePlan, Ledger) {
     let (scene, ledger) = opened(path);
     (scene.plan, ledger)
 }
 
-fn names(plan: &Plan) -> (Vec<&str>, Vec<&str>) {
+fn names(plan: &ScenePlan) -> (Vec<&str>, Vec<&str>) {
     (plan.needed.iter().map(|n| n.name.as_str()).collect(), plan.left_out.iter().map(|n| n.name.as_str()).collect())
 }
 
@@ -258,8 +258,8 @@ fn a_tighter_tolerance_takes_a_finer_curve_and_a_distant_view_coarser_maps() {
         std::fs::write(&path, text.replace(from, to)).unwrap();
         planned(&path).0
     };
-    let points = |p: &Plan| p.measured["elm/front slab curve"].last().unwrap().setting;
-    let blocks = |p: &Plan| p.leaves[0].block;
+    let points = |p: &ScenePlan| p.measured["elm/front slab curve"].last().unwrap().setting;
+    let blocks = |p: &ScenePlan| p.leaves[0].block;
     let plain = with("x", "x");
     let tight = with("tolerance = 0.004", "tolerance = 0.00004");
     assert!(points(&tight) > points(&plain));

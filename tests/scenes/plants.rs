@@ -1,8 +1,8 @@
 //! Whole plants in scenes: their places, their materials, and what is refused.
 
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::manifest::SceneManifest;
 use mesophyll::scene::placed::ledger::Ledger;
-use mesophyll::scene::placed::plant::{Planted, planted};
+use mesophyll::scene::placed::plant::{PlacedPlant, planted};
 use std::path::{Path, PathBuf};
 
 const HEAD: &str = "schema = 1\nname = \"s\"\n[[leaf]]\nname = \"elm\"\nuniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, \
@@ -27,8 +27,8 @@ pub fn run(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-fn plants(folder: &Path, plant: &str) -> Result<Vec<Planted>, String> {
-    let manifest = Manifest::read(&scene(folder, plant)).map_err(|e| e.to_string())?;
+fn plants(folder: &Path, plant: &str) -> Result<Vec<PlacedPlant>, String> {
+    let manifest = SceneManifest::read(&scene(folder, plant)).map_err(|e| e.to_string())?;
     planted(&manifest, &Ledger::new()).map_err(|e| e.to_string())
 }
 
@@ -123,7 +123,7 @@ fn a_posed_plant_is_written_and_read_back() {
     let run = |words: &[&str]| run(folder.path(), words);
     assert_eq!(run(&["export", "scene.toml", "--time", "2.5", "--to", "gltf", "-o", "posed.glb"]).0, Some(0));
     assert_eq!(run(&["eval", "sway", "scene.toml", "--from", "2.5", "--to", "2.5", "-o", "sway.csv"]).0, Some(0));
-    let manifest = Manifest::read(&path).unwrap();
+    let manifest = SceneManifest::read(&path).unwrap();
     let rest =
         planted(&manifest, &Ledger::new()).unwrap()[0].plant.moved(glam::DMat4::from_scale_rotation_translation(
             glam::DVec3::splat(1.5),
@@ -192,25 +192,25 @@ mod moving {
     use glam::{DMat4, DVec3, Vec3};
     use mesophyll::plants::form::Plant;
     use mesophyll::scene::draw::{handover, reference};
-    use mesophyll::scene::loaded::Scene;
-    use mesophyll::scene::manifest::Manifest;
-    use mesophyll::scene::placed::leaf::Search;
+    use mesophyll::scene::loaded::LoadedScene;
+    use mesophyll::scene::manifest::SceneManifest;
+    use mesophyll::scene::placed::leaf::LeafSearch;
     use mesophyll::scene::placed::ledger::Ledger;
     use mesophyll_viewer::{Error, Options, Renderer};
     use std::path::Path;
 
     const WIND: &str = "[wind]\nspeed_m_s = 12\nazimuth_deg = 30\nseed = 7\ntime_s = 2.5\n";
 
-    fn open(folder: &Path, plant: &str, wind: &str) -> Scene {
+    fn open(folder: &Path, plant: &str, wind: &str) -> LoadedScene {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         std::fs::copy(root.join("data/plants/bird-cherry-sapling.toml"), folder.join("sapling.toml")).unwrap();
         std::fs::copy(root.join("fits/elm/blade.glb"), folder.join("leaf.glb")).unwrap();
         let path = scene(folder, &format!("grow = \"sapling.toml\"\n{BARK}{plant}{wind}"));
-        Scene::open(Manifest::read(&path).unwrap(), Search::default(), &Ledger::new()).unwrap()
+        LoadedScene::open(SceneManifest::read(&path).unwrap(), LeafSearch::default(), &Ledger::new()).unwrap()
     }
 
     /// The plant of one place by the f64 pose, in world space.
-    fn posed(scene: &Scene, rest: &Plant, place: usize, time: f64) -> Plant {
+    fn posed(scene: &LoadedScene, rest: &Plant, place: usize, time: f64) -> Plant {
         let winds = scene.placed.winds.as_ref().unwrap();
         winds.pose(0, place, time).unwrap().plant(rest).moved(scene.placed.wood[place].places[0])
     }

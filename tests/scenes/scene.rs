@@ -4,7 +4,7 @@
 use crate::blade::{Blade, scene};
 use crate::skips;
 use mesophyll::files::quantity::Quantity;
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::scene::manifest::SceneManifest;
 use std::path::Path;
 
 #[test]
@@ -14,7 +14,7 @@ fn every_committed_scene_reads_and_has_its_card() {
     for entry in
         std::fs::read_dir(folder).unwrap().flatten().filter(|e| e.path().extension().is_some_and(|x| x == "toml"))
     {
-        let manifest = Manifest::read(&entry.path()).unwrap();
+        let manifest = SceneManifest::read(&entry.path()).unwrap();
         assert_eq!(entry.path().file_stem().unwrap().to_str().unwrap(), manifest.name);
         let cards = manifest.views.iter().filter(|v| v.kind == mesophyll::scene::manifest::ViewKind::Card).count();
         assert!(cards == 1 || manifest.name == "fits", "{}: {cards} cards", manifest.name);
@@ -102,8 +102,8 @@ fn a_run_makes_what_is_missing_and_nothing_twice() {
 fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     use mesophyll::fits::record::FitRecord;
     use mesophyll::optics::slab;
-    use mesophyll::scene::loaded::Scene;
-    use mesophyll::scene::placed::{leaf::Search, ledger::Ledger};
+    use mesophyll::scene::loaded::LoadedScene;
+    use mesophyll::scene::placed::{leaf::LeafSearch, ledger::Ledger};
     use mesophyll::scene::window::edit::SceneEditor;
     use mesophyll_viewer::scene::{Interior, Side};
     use mesophyll_window::editor::Editor;
@@ -111,8 +111,8 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     let dir = tempfile::tempdir().unwrap();
     let blade = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     blade.write(&dir.path().join("fits/elm"), "elm");
-    let manifest = Manifest::read(&scene(dir.path(), "front", "elm", Some(30.0), None, "")).unwrap();
-    let free = Scene::open(manifest, Search { free: true, ..Search::default() }, &Ledger::new()).unwrap();
+    let manifest = SceneManifest::read(&scene(dir.path(), "front", "elm", Some(30.0), None, "")).unwrap();
+    let free = LoadedScene::open(manifest, LeafSearch { free: true, ..LeafSearch::default() }, &Ledger::new()).unwrap();
     let mut editor = SceneEditor::new(free, dir.path().join("out")).unwrap();
     let start = editor.start(0);
     assert!((f64::from(start.thickness_mm) - blade.h).abs() < 1e-6);
@@ -124,9 +124,9 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     // ρt of the doubled blade, from the slab itself at the ends of the curve.
     for (h, rho_t) in [(curve.min_mm, curve.rho_t[0]), (curve.max_mm, curve.rho_t[curve.rho_t.len() - 1])] {
         for (c, found) in rho_t.into_iter().enumerate() {
-            let exact = slab::exact::response(blade.sigma_a[1][c], blade.sigma_s[1][c], f64::from(h)).rho_t;
+            let exact = slab::medium::response(blade.sigma_a[1][c], blade.sigma_s[1][c], f64::from(h)).rho_t;
             assert!((f64::from(found) / exact - 1.0).abs() < 1e-5);
-            assert!(exact < slab::exact::response(blade.sigma_a[1][c], blade.sigma_s[1][c], blade.h).rho_t);
+            assert!(exact < slab::medium::response(blade.sigma_a[1][c], blade.sigma_s[1][c], blade.h).rho_t);
         }
     }
     edit.thickness_mm = -1.0;
@@ -140,7 +140,7 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     let maps = mesophyll::files::image::read_exr(&Path::new(&place).join("front.exr")).unwrap();
     let k = 18 * 48 + 24;
     let thickness = f64::from(maps.scalar(Quantity::Thickness).unwrap()[k]);
-    let exact = slab::exact::response(blade.sigma_a[0][1], blade.sigma_s[0][1], thickness).rho_t;
+    let exact = slab::medium::response(blade.sigma_a[0][1], blade.sigma_s[0][1], thickness).rho_t;
     assert!((f64::from(maps.plane(Quantity::RhoT, 1).unwrap()[k]) / exact - 1.0).abs() < 1e-5);
     assert!((maps.plane(Quantity::RhoS, 1).unwrap()[k] - 0.025).abs() < 1e-6);
     // The read-out of the texel under the pointer is the fit's value.

@@ -1,22 +1,22 @@
 //! The motion of `passes/bend.wgsl` on the CPU, in single precision. It tells what the shadow maps and clipping planes
 //! must cover, and what is under the pointer. Pictures use the shader alone.
 
-use crate::scene::{Carried, Scene, Section, Sections, Wind};
+use crate::scene::{Scene, SectionAnimation, SectionBinding, SectionMotion, WindState};
 use glam::Vec3;
 
 /// All sections at one time.
 #[derive(Debug, Clone)]
 pub(crate) struct Moved<'a> {
-    sections: Vec<Section>,
+    sections: Vec<SectionMotion>,
     of_vertices: &'a [u32],
     turn_normals: bool,
 }
 
-impl Sections {
+impl SectionAnimation {
     /// All sections at the time of a wind.
-    pub(crate) fn now(&self, wind: Option<&Wind>) -> Vec<Section> {
+    pub(crate) fn now(&self, wind: Option<&WindState>) -> Vec<SectionMotion> {
         let mut all = (self.at)(wind.map_or(0.0, |w| w.time_s));
-        let still = Section { from: Vec3::ZERO, to: Vec3::ZERO, turn: glam::Quat::IDENTITY };
+        let still = SectionMotion { from: Vec3::ZERO, to: Vec3::ZERO, turn: glam::Quat::IDENTITY };
         all.resize(self.count, still);
         all
     }
@@ -24,7 +24,7 @@ impl Sections {
 
 impl<'a> Moved<'a> {
     /// Everything that `sections` carry, with their motions `now`.
-    pub(crate) fn new(sections: Option<&'a Sections>, now: Vec<Section>) -> Moved<'a> {
+    pub(crate) fn new(sections: Option<&'a SectionAnimation>, now: Vec<SectionMotion>) -> Moved<'a> {
         Moved {
             sections: now,
             of_vertices: sections.map_or(&[], |s| &s.of_vertices),
@@ -38,19 +38,19 @@ impl<'a> Moved<'a> {
     }
 
     /// The motions of the sections.
-    pub(crate) fn into_sections(self) -> Vec<Section> {
+    pub(crate) fn into_sections(self) -> Vec<SectionMotion> {
         self.sections
     }
 
     /// The place that a point in world space moves to. In a mesh that is moved vertex by vertex, it is vertex `number`.
-    pub(crate) fn place(&self, by: Option<Carried>, number: usize, point: Vec3) -> Vec3 {
+    pub(crate) fn place(&self, by: Option<SectionBinding>, number: usize, point: Vec3) -> Vec3 {
         self.place_and_normal(by, number, point, Vec3::ZERO).0
     }
 
     /// The same for a point and a normal.
     pub(crate) fn place_and_normal(
         &self,
-        by: Option<Carried>,
+        by: Option<SectionBinding>,
         number: usize,
         point: Vec3,
         normal: Vec3,

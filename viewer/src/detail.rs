@@ -5,7 +5,7 @@
 use crate::gpu::Gpu;
 use crate::passes::bend::Carrier;
 use crate::scene::{Camera, Instance, Mesh};
-use crate::thin::{MANY, Seen, enlarged, larger, ranks};
+use crate::thinning::{MANY, Seen, enlarged, larger, ranks};
 use glam::Vec3;
 use std::ops::Range;
 

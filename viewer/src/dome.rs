@@ -9,14 +9,14 @@
 //! departure from roundness in bands 2 and above.
 
 use crate::lobe::{FLOOR, cavity, polar_nodes};
-use crate::scene::{Dome, Lobe};
+use crate::scene::{Lobe, SkyDome};
 use std::f64::consts::PI;
 
 /// The largest number of bands, l = 0 … 6.
 pub const MOST_BANDS: usize = 7;
 
 /// Number N of bands that N² coefficients have; `None` where their number is no square from 1 to 49.
-pub(crate) fn bands(dome: &Dome) -> Option<usize> {
+pub(crate) fn bands(dome: &SkyDome) -> Option<usize> {
     (1..=MOST_BANDS).find(|n| n * n == dome.harmonics.len())
 }
 
@@ -43,7 +43,7 @@ pub(crate) fn harmonic(l: usize, m: isize, [x, y, z]: [f64; 3]) -> f64 {
 }
 
 /// The coefficients for the shader, at l(l+1)+m.
-pub(crate) fn coefficients(dome: &Dome) -> [[f32; 4]; MOST_BANDS * MOST_BANDS] {
+pub(crate) fn coefficients(dome: &SkyDome) -> [[f32; 4]; MOST_BANDS * MOST_BANDS] {
     let mut out = [[0.0; 4]; MOST_BANDS * MOST_BANDS];
     for l in 0..bands(dome).unwrap_or(0) {
         for k in 0..=2 * l {

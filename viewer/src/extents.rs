@@ -2,18 +2,18 @@
 
 use crate::bend::Moved;
 use crate::geometry::{ball, corners};
-use crate::passes::reach::reach;
-use crate::scene::{Carried, Poses, Scene, Section, Sections, Wind};
+use crate::passes::bounds::reach;
+use crate::scene::{PoseHierarchy, Scene, SectionAnimation, SectionBinding, SectionMotion, WindState};
 use glam::Vec3;
 
 /// Points around every instance at rest, in world space, and what carries them. They are the corners of boxes, or every
 /// vertex where a mesh bends.
 pub(crate) struct Extents {
     /// What casts a shadow stands first.
-    points: Vec<(Option<Carried>, Vec<Vec3>)>,
+    points: Vec<(Option<SectionBinding>, Vec<Vec3>)>,
     /// How many of these cast a shadow.
     casters: usize,
-    sections: Option<Sections>,
+    sections: Option<SectionAnimation>,
     /// Balls that hold all poses ([`reach`]), where the adapter poses what is carried.
     reach: Option<Vec<(Vec3, f32)>>,
 }
@@ -24,7 +24,7 @@ impl Extents {
     }
 
     /// Where the adapter poses what is carried, the extents are those at rest, and the ball holds all poses.
-    fn of(scene: &Scene, poses: Option<&Poses>) -> Extents {
+    fn of(scene: &Scene, poses: Option<&PoseHierarchy>) -> Extents {
         let boxes: Vec<Option<[Vec3; 8]>> = scene.meshes.iter().map(|mesh| corners(&mesh.positions)).collect();
         let points = scene.instances.iter().filter_map(|instance| {
             let by = instance.carried;
@@ -74,12 +74,12 @@ impl Extents {
         all.into_iter().chain(others.iter().filter_map(|(_, points)| around(&mut points.iter()))).collect()
     }
 
-    pub(crate) fn sections(&self) -> Option<&Sections> {
+    pub(crate) fn sections(&self) -> Option<&SectionAnimation> {
         self.sections.as_ref()
     }
 
     /// The scene's extents at a time of its wind.
-    pub(crate) fn at(&self, wind: Option<&Wind>) -> ExtentsNow {
+    pub(crate) fn at(&self, wind: Option<&WindState>) -> ExtentsNow {
         let sections = self.sections.as_ref().filter(|_| self.reach.is_none());
         let moved = Moved::new(sections, sections.map_or_else(Vec::new, |s| s.now(wind)));
         let mut points = Vec::with_capacity(self.points.iter().map(|(_, points)| points.len()).sum());
@@ -105,7 +105,7 @@ impl Extents {
 /// The extents of a scene at one time.
 pub(crate) struct ExtentsNow {
     /// The motions of all sections; none where the adapter computes them.
-    pub sections: Vec<Section>,
+    pub sections: Vec<SectionMotion>,
     /// The points that shadow maps must cover: everything that casts a shadow.
     pub casters: Vec<Vec3>,
     /// Centre and radius of a ball around everything, which clipping planes must cover.

@@ -5,12 +5,12 @@
 use crate::detail::{self, Levels};
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, BendPass, Carrier, Ride};
+use crate::passes::bounds::reach;
 use crate::passes::choose::Choice;
 use crate::passes::place::{PlacePass, Placed};
-use crate::passes::reach::reach;
 use crate::scene::{Instance, Mesh, Scene};
-use crate::stats::Stats;
-use crate::thin::Seen;
+use crate::stats::RenderStatistics;
+use crate::thinning::Seen;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3};
 use std::collections::BTreeMap;
@@ -29,7 +29,13 @@ pub(crate) struct MeshOnGpu {
 
 impl MeshOnGpu {
     /// Uploads those parts of mesh `index` that the shaders of `batches` read; `None` where none of them draws it.
-    pub(crate) fn new(gpu: &Gpu, index: usize, mesh: &Mesh, batches: &[Batch], stats: &mut Stats) -> Option<MeshOnGpu> {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        index: usize,
+        mesh: &Mesh,
+        batches: &[Batch],
+        stats: &mut RenderStatistics,
+    ) -> Option<MeshOnGpu> {
         let positions = bytemuck::cast_slice(&mesh.positions);
         let draws = batches.iter().any(|b| b.mesh == index && b.alone.is_none());
         draws.then(|| MeshOnGpu::of(gpu, index, mesh, positions, batches, stats))
@@ -41,14 +47,21 @@ impl MeshOnGpu {
         scene: &Scene,
         points: &[Vec3],
         batch: &Batch,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) -> Option<MeshOnGpu> {
         let (positions, mesh) = bend::by_vertices(scene, &scene.instances[batch.alone?], points)?;
         let positions = bytemuck::cast_slice(&positions);
         Some(MeshOnGpu::of(gpu, batch.mesh, &mesh, positions, std::slice::from_ref(batch), stats))
     }
 
-    fn of(gpu: &Gpu, index: usize, mesh: &Mesh, positions: &[u8], batches: &[Batch], stats: &mut Stats) -> MeshOnGpu {
+    fn of(
+        gpu: &Gpu,
+        index: usize,
+        mesh: &Mesh,
+        positions: &[u8],
+        batches: &[Batch],
+        stats: &mut RenderStatistics,
+    ) -> MeshOnGpu {
         let mut put = |name: &str, bytes: &[u8], usage| put(gpu, &format!("mesh {index} {name}"), bytes, usage, stats);
         let mut out = MeshOnGpu {
             positions: put("positions", positions, Use::VERTEX),
@@ -63,7 +76,14 @@ impl MeshOnGpu {
     }
 
     /// Uploads the parts that the shaders of `batches` read and that are not on the adapter yet.
-    pub(crate) fn complete(&mut self, gpu: &Gpu, index: usize, mesh: &Mesh, batches: &[Batch], stats: &mut Stats) {
+    pub(crate) fn complete(
+        &mut self,
+        gpu: &Gpu,
+        index: usize,
+        mesh: &Mesh,
+        batches: &[Batch],
+        stats: &mut RenderStatistics,
+    ) {
         let read = |of: fn(&Variant) -> bool| batches.iter().any(|b| b.mesh == index && of(&b.variant));
         if self.tangents.is_none() && read(Variant::tangent) {
             let bytes = bytemuck::cast_slice(&mesh.tangents);
@@ -109,7 +129,7 @@ pub(crate) struct Batch {
 impl Batch {
     /// Uploads everything that stands in the scene, ordered by material and then by mesh. `points` are those of all
     /// sections at rest.
-    pub(crate) fn all(gpu: &Gpu, scene: &Scene, points: &[Vec3], stats: &mut Stats) -> Vec<Batch> {
+    pub(crate) fn all(gpu: &Gpu, scene: &Scene, points: &[Vec3], stats: &mut RenderStatistics) -> Vec<Batch> {
         // In closed form a branch may come out of its ball.
         let poses = scene.sections.as_ref().and_then(|s| s.poses.as_ref()).filter(|p| !p.closed_form);
         let reach = poses.map_or_else(Vec::new, |poses| reach(scene, poses));
@@ -161,7 +181,7 @@ impl Batch {
     }
 
     /// Uploads what its shader reads of a mesh of its own and what is not on the adapter yet.
-    pub(crate) fn complete(&mut self, gpu: &Gpu, scene: &Scene, stats: &mut Stats) {
+    pub(crate) fn complete(&mut self, gpu: &Gpu, scene: &Scene, stats: &mut RenderStatistics) {
         let lacks = |own: &mut MeshOnGpu| {
             (own.tangents.is_none() && self.variant.tangent()) || (own.uvs.is_none() && self.variant.leaf().is_some())
         };
@@ -267,7 +287,7 @@ impl Batch {
     }
 }
 
-fn put(gpu: &Gpu, label: &str, bytes: &[u8], usage: Use, stats: &mut Stats) -> wgpu::Buffer {
+fn put(gpu: &Gpu, label: &str, bytes: &[u8], usage: Use, stats: &mut RenderStatistics) -> wgpu::Buffer {
     stats.upload(label, bytes.len() as u64);
     gpu.buffer(label, bytes, usage)
 }

@@ -31,22 +31,22 @@ mod material;
 mod operations;
 mod orbit;
 mod passes;
-pub mod pick;
+pub mod picking;
 mod picture;
 pub mod readback;
 mod renderer;
 pub mod scene;
 mod shader;
 mod stats;
-mod thin;
+mod thinning;
 mod timing;
-mod validate;
+mod validation;
 mod variant;
 
 pub use error::{Error, Result};
 pub use extents::ball_around;
 pub use gpu::{AdapterInfo, Backend, Options};
-pub use orbit::Orbit;
+pub use orbit::OrbitCamera;
 pub use picture::Picture;
 #[cfg(not(target_arch = "wasm32"))]
 pub use picture::save_png;
@@ -55,7 +55,7 @@ pub use picture::save_png;
 #[doc(hidden)]
 pub use pollster;
 pub use renderer::Renderer;
-pub use stats::{Stats, Upload};
-pub use timing::Timing;
+pub use stats::{RenderStatistics, Upload};
+pub use timing::FrameTiming;
 #[doc(hidden)]
 pub use wgpu;

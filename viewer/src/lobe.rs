@@ -55,7 +55,7 @@ pub fn polar_nodes(n: usize) -> Vec<(f64, f64)> {
 /// The table that the shader reads. Columns are √(N·v) from √`FLOOR` to 1, rows are ln m from `m_min` to `m_max`, and
 /// values between are bilinear.
 #[derive(Debug, Clone, PartialEq)]
-pub struct AlbedoTable {
+pub struct ShaderAlbedoTable {
     /// Roughness of the first row.
     pub m_min: f64,
     /// Roughness of the last row.
@@ -64,14 +64,14 @@ pub struct AlbedoTable {
     pub values: Vec<f32>,
 }
 
-impl AlbedoTable {
+impl ShaderAlbedoTable {
     /// Number of steps of √(N·v).
     pub const COLUMNS: usize = 96;
     /// Number of steps of ln m.
     pub const ROWS: usize = 24;
 
     /// Integrates the table over the roughness range that a leaf's texels span.
-    pub fn new(lobe: Lobe, m_min: f64, m_max: f64) -> AlbedoTable {
+    pub fn new(lobe: Lobe, m_min: f64, m_max: f64) -> ShaderAlbedoTable {
         let m_min = m_min.max(FLOOR);
         let m_max = m_max.max(m_min * 1.01);
         let polar = polar_nodes(32);
@@ -83,7 +83,7 @@ impl AlbedoTable {
                 values.push(directional_albedo(lobe, x * x, m, &polar, 48) as f32);
             }
         }
-        AlbedoTable { m_min, m_max, values }
+        ShaderAlbedoTable { m_min, m_max, values }
     }
 
     /// The value that the shader reads at (N·v, m).
@@ -100,11 +100,11 @@ impl AlbedoTable {
 
 /// Tables that were integrated already. They are kept from scene to scene.
 #[derive(Default)]
-pub(crate) struct Tables(Vec<(Lobe, AlbedoTable)>, Vec<(Lobe, MeanTable)>);
+pub(crate) struct Tables(Vec<(Lobe, ShaderAlbedoTable)>, Vec<(Lobe, MeanTable)>);
 
 impl Tables {
     /// A table that covers roughness from `m_min` to `m_max`.
-    pub(crate) fn albedo(&mut self, lobe: Lobe, m_min: f64, m_max: f64) -> AlbedoTable {
+    pub(crate) fn albedo(&mut self, lobe: Lobe, m_min: f64, m_max: f64) -> ShaderAlbedoTable {
         // The range is rounded outwards to powers of two, so that edits in the window rarely need a new table.
         let (low, high) = (m_min.max(FLOOR).log2().floor().exp2(), m_max.max(FLOOR).log2().ceil().exp2());
         if let Some((_, table)) =
@@ -112,13 +112,13 @@ impl Tables {
         {
             return table.clone();
         }
-        let table = AlbedoTable::new(lobe, low, high);
+        let table = ShaderAlbedoTable::new(lobe, low, high);
         self.0.push((lobe, table.clone()));
         table
     }
 
     /// The table of mean directions on the grid of an albedo table.
-    pub(crate) fn means(&mut self, lobe: Lobe, like: &AlbedoTable) -> MeanTable {
+    pub(crate) fn means(&mut self, lobe: Lobe, like: &ShaderAlbedoTable) -> MeanTable {
         if let Some((_, table)) =
             self.1.iter().find(|(l, t)| *l == lobe && (t.m_min, t.m_max) == (like.m_min, like.m_max))
         {
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn table_meets_brute_force() {
         for lobe in Lobe::all(1.45) {
-            let table = AlbedoTable::new(lobe, 0.1, 0.5);
+            let table = ShaderAlbedoTable::new(lobe, 0.1, 0.5);
             for (nv, m) in
                 [(0.95, 0.13), (0.6, 0.3), (0.3, 0.21), (0.12, 0.47), (0.05, 0.2), (0.01, 0.4), (0.001, 0.15)]
             {

@@ -3,10 +3,10 @@
 
 use crate::dome::MeanTable;
 use crate::gpu::Gpu;
-use crate::lobe::{AlbedoTable, Tables};
+use crate::lobe::{ShaderAlbedoTable, Tables};
 use crate::maps::{self, Level, Uploaded};
-use crate::scene::{Interior, Leaf, Material, Side, SideMaps, SlabCurve, Translucency};
-use crate::stats::Stats;
+use crate::scene::{Interior, LeafMaterial, Material, Side, SideMaps, SlabCurve, Translucency};
+use crate::stats::RenderStatistics;
 use crate::variant::Variant;
 use mesophyll_base::surface::side::mirror;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -160,7 +160,7 @@ fn curve_table(curve: &SlabCurve) -> Level {
 }
 
 /// Smallest and largest roughness of the sides that have gloss.
-fn roughness_range(leaf: &Leaf) -> (f64, f64) {
+fn roughness_range(leaf: &LeafMaterial) -> (f64, f64) {
     let texels = leaf.sides.iter().filter_map(|(_, s)| s.gloss.as_ref()).flatten();
     let (low, high) = texels.fold((f64::MAX, 0.0f64), |(l, h), t| (l.min(f64::from(t[3])), h.max(f64::from(t[3]))));
     if high > 0.0 { (low.min(high), high) } else { (0.1, 0.1) }
@@ -172,14 +172,14 @@ fn rgb(texels: &[[f32; 3]]) -> Vec<[f32; 4]> {
 
 /// A leaf's own tables: the albedo of its lobe and, under a dome, the lobe's mean directions.
 struct LobeTables {
-    albedo: Option<AlbedoTable>,
+    albedo: Option<ShaderAlbedoTable>,
     means: Option<MeanTable>,
 }
 
 /// A leaf that is being uploaded.
 struct Upload<'a> {
     gpu: &'a Gpu,
-    leaf: &'a Leaf,
+    leaf: &'a LeafMaterial,
     tables: LobeTables,
 }
 
@@ -231,7 +231,7 @@ impl Upload<'_> {
             Slot::Mask => return Some(maps::upload_mask(gpu, &name, leaf.width, leaf.height, leaf.mask.as_ref()?)),
             Slot::Albedo => {
                 let texels = self.tables.albedo.as_ref()?.values.iter().map(|v| [*v, 0.0, 0.0, 0.0]).collect();
-                return Some(table(AlbedoTable::COLUMNS, AlbedoTable::ROWS, texels));
+                return Some(table(ShaderAlbedoTable::COLUMNS, ShaderAlbedoTable::ROWS, texels));
             }
             Slot::Means => {
                 let texels = self.tables.means.as_ref()?.texels.clone();
@@ -276,7 +276,7 @@ impl MaterialOnGpu {
         samplers: &Samplers,
         tables: &mut Tables,
         before: Option<&MaterialOnGpu>,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) -> MaterialOnGpu {
         let mut textures = Vec::new();
         let constants = match material {

@@ -8,7 +8,7 @@ const POLE: f32 = 0.03;
 
 /// A camera that turns about its target.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Orbit {
+pub struct OrbitCamera {
     /// The camera as it is now.
     pub camera: Camera,
     /// The axis that stays upright.
@@ -17,10 +17,10 @@ pub struct Orbit {
     reach: (f32, f32),
 }
 
-impl Orbit {
+impl OrbitCamera {
     /// `radius` is that of the scene (mm). The distance stays between a thousandth of it and a hundred times it.
-    pub fn new(camera: Camera, radius: f32) -> Orbit {
-        Orbit { camera, axis: camera.up.normalize_or(Vec3::Z), reach: (1e-3 * radius, 1e2 * radius) }
+    pub fn new(camera: Camera, radius: f32) -> OrbitCamera {
+        OrbitCamera { camera, axis: camera.up.normalize_or(Vec3::Z), reach: (1e-3 * radius, 1e2 * radius) }
     }
 
     /// Turns by angles (rad): positive `right` moves the eye to the left, as if the scene were dragged to the right.
@@ -57,9 +57,9 @@ impl Orbit {
 mod tests {
     use super::*;
 
-    fn orbit() -> Orbit {
+    fn orbit() -> OrbitCamera {
         let camera = Camera { eye: Vec3::new(0.0, -10.0, 0.0), target: Vec3::ZERO, up: Vec3::Z, fov_y_deg: 40.0 };
-        Orbit::new(camera, 5.0)
+        OrbitCamera::new(camera, 5.0)
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::gpu::Gpu;
 use half::f16;
 
 /// A copy from a texture into a buffer that is under way.
-pub struct Copy {
+pub struct TextureCopy {
     buffer: wgpu::Buffer,
     row: usize,
     padded: usize,
@@ -43,9 +43,9 @@ pub(crate) fn buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-impl Copy {
+impl TextureCopy {
     /// Records the copy of a whole texture.
-    pub fn record(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture) -> Copy {
+    pub fn record(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture) -> TextureCopy {
         let texel = texture.format().block_copy_size(None).unwrap_or(4) as usize;
         let row = texture.width() as usize * texel;
         let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
@@ -67,7 +67,7 @@ impl Copy {
             },
             texture.size(),
         );
-        Copy { buffer, row, padded, format: texture.format() }
+        TextureCopy { buffer, row, padded, format: texture.format() }
     }
 
     fn packed(&self, gpu: &Gpu) -> Result<Vec<u8>> {

@@ -11,7 +11,7 @@ pub struct Upload {
 
 /// Counts since the last `set_scene`. Only `draws`, `shadow_renders` and `transfers` are not reset there.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Stats {
+pub struct RenderStatistics {
     /// Names of the render pipelines in use, in the order in which they were needed.
     pub pipelines: Vec<String>,
     /// The uploads, in the order in which they happened.
@@ -31,7 +31,7 @@ pub struct Stats {
     pub transfers: u64,
 }
 
-impl Stats {
+impl RenderStatistics {
     pub(crate) fn upload(&mut self, name: &str, bytes: u64) {
         self.uploads.push(Upload { name: name.to_string(), bytes });
     }

@@ -9,7 +9,7 @@ pub(crate) const PASSES: [&str; 3] = ["shadow", "main", "tonemap"];
 
 /// Times of repeated frames (ms).
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Timing {
+pub struct FrameTiming {
     /// Time from submitting a frame to its end, with shadow maps that are kept, so as under a still sun.
     pub frame_ms: Vec<f64>,
     /// Times of each pass by the adapter's own clock; empty without timestamps. `shadow` has one entry, because the
@@ -17,7 +17,7 @@ pub struct Timing {
     pub passes: Vec<(String, Vec<f64>)>,
 }
 
-impl Timing {
+impl FrameTiming {
     /// The value below which a share `q` of the frames lies (nearest rank); `None` without frames.
     pub fn quantile(&self, q: f64) -> Option<f64> {
         let mut sorted = self.frame_ms.clone();

@@ -4,7 +4,7 @@
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, Ride};
 use crate::passes::place;
-use crate::scene::{Basis, Instance, Interior, Leaf, Material, Scene, SideMaps, Sides};
+use crate::scene::{Instance, Interior, LeafMaterial, Material, Scene, SideMaps, Sides, TranslucencyBasis};
 use crate::shader::Defines;
 use mesophyll_base::surface::gloss::LobeKind;
 
@@ -120,7 +120,7 @@ impl Lights {
 }
 
 impl LeafSurface {
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, lights: &Lights, leaf: &Leaf) -> LeafSurface {
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, lights: &Lights, leaf: &LeafMaterial) -> LeafSurface {
         let side = |side: &SideMaps| {
             let shines = |g: &Vec<[f32; 4]>| g.iter().any(|t| t[0] > 0.0 || t[1] > 0.0 || t[2] > 0.0);
             let gloss = lights.any() && side.gloss.as_ref().is_some_and(shines);
@@ -135,7 +135,7 @@ impl LeafSurface {
             }
         };
         let sides = Sides::of(|s| side(&leaf.sides[s]));
-        let bends = |s: &SideMaps| s.translucency.as_ref().is_some_and(|t| t.basis == Basis::Bent);
+        let bends = |s: &SideMaps| s.translucency.as_ref().is_some_and(|t| t.basis == TranslucencyBasis::Bent);
         LeafSurface {
             mask: leaf.mask.is_some(),
             // For a sample mask, Naga writes GLSL that GL drivers refuse. With GL the outline is cut at the pixels'

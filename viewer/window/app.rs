@@ -1,7 +1,7 @@
 //! The window on screen: it gets events from winit and shows the stage's texture.
 
 use crate::editor::Editor;
-use crate::stage::Stage;
+use crate::stage::WindowStage;
 use crate::ui::{ViewerUi, WindowScene};
 use mesophyll_viewer::gpu::{Gpu, Options, instance_descriptor};
 use mesophyll_viewer::{Error, Result};
@@ -90,7 +90,7 @@ struct Running {
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     blitter: wgpu::util::TextureBlitter,
-    stage: Stage,
+    stage: WindowStage,
     input: egui_winit::State,
     state: ViewerUi,
 }
@@ -129,7 +129,7 @@ impl Running {
         let blitter = wgpu::util::TextureBlitter::new(&gpu.device, format);
         let state = ViewerUi::new(start.scene, start.editor, &gpu.info);
         let max_side = gpu.max_side() as usize;
-        let stage = Stage::on(gpu);
+        let stage = WindowStage::on(gpu);
         let id = egui::ViewportId::ROOT;
         let scale = Some(window.scale_factor() as f32);
         let input = egui_winit::State::new(stage.context().clone(), id, &window, scale, window.theme(), Some(max_side));

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use mesophyll_viewer::Picture;
-use mesophyll_viewer::scene::{Camera, Dome, Interior, Scene, Side, Sides};
+use mesophyll_viewer::scene::{Camera, Interior, Scene, Side, Sides, SkyDome};
 use std::collections::BTreeMap;
 
 /// One side's editable parameters (Wang et al. 2005, Fig. 6).
@@ -41,14 +41,14 @@ pub struct LeafUpdate {
 #[derive(Debug, Clone, PartialEq)]
 pub struct SkyUpdate {
     /// The light of the new sky.
-    pub dome: Dome,
+    pub dome: SkyDome,
     /// Irradiance on a surface that faces the sun.
     pub sun_irradiance: [f32; 3],
 }
 
 /// The picture of the reference renderer.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ReferencePicture {
+pub struct DisplayPicture {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -59,7 +59,7 @@ pub struct ReferencePicture {
 
 /// One figure of a verdict. It passes where the value is not above the threshold.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Measure {
+pub struct VerdictMeasure {
     /// Name of the figure.
     pub name: String,
     /// The value that was found.
@@ -70,11 +70,11 @@ pub struct Measure {
 
 /// The verdict of a check.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Verdict {
+pub struct ComparisonVerdict {
     /// Whether all measures pass.
     pub passed: bool,
     /// The measures, in the order in which they are shown.
-    pub measures: Vec<Measure>,
+    pub measures: Vec<VerdictMeasure>,
     /// A further sentence, or empty.
     pub note: String,
 }
@@ -90,7 +90,7 @@ pub struct PlantInfo {
 
 /// The branches of a plant that an edit is for (Habel 2009, Fig. 4.17).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Part {
+pub enum PlantPart {
     /// All branches of a level; 0 is a trunk.
     Level(usize),
     /// One branch, by its index.
@@ -118,7 +118,7 @@ impl BranchEdit {
 }
 
 /// Edits of a plant, by its index and the edited part. Those of a level and of a branch of this level are both applied.
-pub type PlantEdits = BTreeMap<(usize, Part), BranchEdit>;
+pub type PlantEdits = BTreeMap<(usize, PlantPart), BranchEdit>;
 
 /// The program around the window. Errors are sentences that the window shows. A leaf is given by the index of its
 /// material.
@@ -165,16 +165,10 @@ pub trait Editor {
     fn save(&mut self, leaf: usize, edit: &LeafEdit) -> Result<String, String>;
 
     /// Draws the scene in its present state with the reference renderer.
-    fn reference(
-        &mut self,
-        scene: &Scene,
-        camera: &Camera,
-        width: u32,
-        height: u32,
-    ) -> Result<ReferencePicture, String>;
+    fn reference(&mut self, scene: &Scene, camera: &Camera, width: u32, height: u32) -> Result<DisplayPicture, String>;
 
     /// Compares a picture with its reference.
-    fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict;
+    fn judge(&mut self, picture: &Picture, reference: &DisplayPicture) -> ComparisonVerdict;
 
     /// What is known about one texel, as pairs of a name and a value with its unit. The texel is a column and a row of
     /// the side's own maps, as its camera saw them.

@@ -10,5 +10,5 @@ mod stage;
 mod ui;
 
 pub use app::{WindowOptions, open_window};
-pub use stage::{Shown, Stage};
+pub use stage::{FrameTasks, WindowStage};
 pub use ui::{CheckLayout, ViewerUi, WindowScene, WindowView};

@@ -5,7 +5,7 @@ use crate::ui::{Job, ViewerUi};
 use egui::TextureId;
 use mesophyll_viewer::Renderer;
 use mesophyll_viewer::gpu::{Gpu, Options, instance_descriptor};
-use mesophyll_viewer::readback::Copy;
+use mesophyll_viewer::readback::TextureCopy;
 use mesophyll_viewer::save_png;
 use mesophyll_viewer::{Error, Result};
 use std::path::Path;
@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 const CANVAS: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
 /// The renderer, the user interface, and the texture that both are drawn into.
-pub struct Stage {
+pub struct WindowStage {
     pub(crate) renderer: Renderer,
     context: egui::Context,
     painter: egui_wgpu::Renderer,
@@ -23,24 +23,24 @@ pub struct Stage {
 }
 
 /// The tasks that a frame leaves to its caller.
-pub struct Shown {
+pub struct FrameTasks {
     /// Requests of the user interface to the desktop: the pointer's shape, the clipboard.
     pub platform: egui::PlatformOutput,
     /// The time until the next frame is due; `Duration::MAX` when nothing moves.
     pub repaint_after: Duration,
 }
 
-impl Stage {
+impl WindowStage {
     /// A stage without a window.
     ///
     /// # Errors
     /// As `Renderer::headless`.
-    pub fn headless(options: &Options) -> Result<Stage> {
+    pub fn headless(options: &Options) -> Result<WindowStage> {
         let instance = wgpu::Instance::new(instance_descriptor(options));
-        Ok(Stage::on(Gpu::open(&instance, None, options)?))
+        Ok(WindowStage::on(Gpu::open(&instance, None, options)?))
     }
 
-    pub(crate) fn on(gpu: Gpu) -> Stage {
+    pub(crate) fn on(gpu: Gpu) -> WindowStage {
         let options = egui_wgpu::RendererOptions { dithering: false, ..Default::default() };
         let mut painter = egui_wgpu::Renderer::new(&gpu.device, CANVAS, options);
         let blank = texture(&gpu, [1, 1]);
@@ -53,7 +53,7 @@ impl Stage {
             style.visuals.weak_text_color = Some(egui::Color32::from_gray(150));
             style.visuals.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(200);
         });
-        Stage { renderer: Renderer::on(gpu), context, painter, picture, canvas: None }
+        WindowStage { renderer: Renderer::on(gpu), context, painter, picture, canvas: None }
     }
 
     /// The user interface's memory.
@@ -67,7 +67,7 @@ impl Stage {
     }
 
     /// Does the work that the previous frame announced, and then draws one frame of `pixels` into the canvas.
-    pub fn frame(&mut self, state: &mut ViewerUi, input: egui::RawInput, pixels: [u32; 2]) -> Result<Shown> {
+    pub fn frame(&mut self, state: &mut ViewerUi, input: egui::RawInput, pixels: [u32; 2]) -> Result<FrameTasks> {
         let limit = self.renderer.gpu().max_side();
         if pixels.iter().any(|side| *side == 0 || *side > limit) {
             return Err(Error::Size { what: "window".into(), width: pixels[0], height: pixels[1], limit });
@@ -117,7 +117,7 @@ impl Stage {
         }
         let asked = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
         let more = state.job.is_some() || state.dirty || following || state.continuous();
-        Ok(Shown { platform: output.platform_output, repaint_after: if more { Duration::ZERO } else { asked } })
+        Ok(FrameTasks { platform: output.platform_output, repaint_after: if more { Duration::ZERO } else { asked } })
     }
 
     /// Does the work that the previous frame announced.
@@ -213,7 +213,7 @@ impl Stage {
         let Some((canvas, _)) = &self.canvas else { return Err(Error::Readback("nothing has been drawn yet".into())) };
         let gpu = self.renderer.gpu();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let copy = Copy::record(gpu, &mut encoder, canvas);
+        let copy = TextureCopy::record(gpu, &mut encoder, canvas);
         gpu.queue.submit([encoder.finish()]);
         Ok((canvas.width(), canvas.height(), copy.bytes(gpu)?))
     }

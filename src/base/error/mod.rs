@@ -5,9 +5,9 @@
 
 #![warn(missing_docs)]
 
-mod short;
+mod quotation;
 
-pub use short::short;
+pub use quotation::short;
 use std::fmt::Display;
 use std::path::Path;
 

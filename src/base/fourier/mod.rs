@@ -10,14 +10,14 @@ pub use rustfft::{Fft, num_complex::Complex};
 use std::sync::Arc;
 
 /// A planned transform, shared between threads.
-pub type Transform = Arc<dyn Fft<f64>>;
+pub type FourierTransform = Arc<dyn Fft<f64>>;
 
 /// X_k = Σ x_n e^(−2πi kn/N) of lines of `length` values.
-pub fn forward(length: usize) -> Transform {
+pub fn forward(length: usize) -> FourierTransform {
     FftPlanner::new().plan_fft_forward(length)
 }
 
 /// x_n = Σ X_k e^(2πi kn/N) of lines of `length` values: N times the inverse of [`forward`].
-pub fn inverse(length: usize) -> Transform {
+pub fn inverse(length: usize) -> FourierTransform {
     FftPlanner::new().plan_fft_inverse(length)
 }

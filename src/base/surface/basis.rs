@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Functions of the direction ω towards the light in the lit side's frame (x right, y up, z out of the side).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum Basis {
+pub enum TranslucencyBasis {
     /// As published: the three √(3/2π) H_i·ω with the axes H_i of the Half-Life 2 basis (McTaggart 2004).
     #[default]
     #[serde(rename = "half-life-2", alias = "half-life 2")]
@@ -17,7 +17,7 @@ pub enum Basis {
     Bent,
 }
 
-impl Basis {
+impl TranslucencyBasis {
     /// All of them, the default first.
-    pub const ALL: [Basis; 2] = [Basis::HalfLife2, Basis::Bent];
+    pub const ALL: [TranslucencyBasis; 2] = [TranslucencyBasis::HalfLife2, TranslucencyBasis::Bent];
 }

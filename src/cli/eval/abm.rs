@@ -1,15 +1,15 @@
 //! `mesophyll eval abm`: a leaf's layers, and the light that they reflect, absorb and let through.
 
-use crate::cli::named::named;
-use crate::cli::{Common, batch, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_files::table::{self, Answer, BatchIo, Row, Spec, Table};
+use mesophyll_files::table::{self, BatchIo, BatchSpec, InputRow, InputTable, OutputRow};
 use mesophyll_fits::foliar::pigments;
 use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
-use mesophyll_optics::foliar::pigments::{Contents, SUBSTANCES, Spectrum};
-use mesophyll_optics::foliar::shares::{Method, MethodKind, own_seed, shares as of_light, unsettled};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, fsm, walk};
+use mesophyll_optics::foliar::pigments::{LeafContents, OpticalSpectrum, SUBSTANCES};
+use mesophyll_optics::foliar::shares::{FoliarMethod, MethodKind, own_seed, shares as of_light, unsettled};
+use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness, fsm, walk};
 use mesophyll_optics::side::Side;
 use std::path::PathBuf;
 
@@ -59,12 +59,12 @@ const PATCH: [&str; 8] =
 /// Where the columns of a row are.
 struct Reader<'a> {
     names: Vec<String>,
-    spectrum: Option<&'a Spectrum>,
+    spectrum: Option<&'a OpticalSpectrum>,
 }
 
 /// A row as it is given: everything but the wavelength's part.
 struct Case<'a> {
-    row: &'a Row<'a>,
+    row: &'a InputRow<'a>,
     reader: &'a Reader<'a>,
 }
 
@@ -103,7 +103,7 @@ impl Case<'_> {
     }
 
     /// The leaf at a wavelength (nm), which only a table of pigments asks for, and its absorption per mm.
-    fn leaf(&self, wavelength: f64) -> std::result::Result<(Leaf, f64), String> {
+    fn leaf(&self, wavelength: f64) -> std::result::Result<(LayeredLeaf, f64), String> {
         let thickness = self.amount("mesophyll_thickness_mm")?;
         let mut indices = INDICES.map(|name| self.number(name));
         let depth = match self.reader.spectrum {
@@ -124,7 +124,7 @@ impl Case<'_> {
                 for (n, of_table) in indices.iter_mut().zip(constants.indices) {
                     *n = if n.is_nan() { of_table } else { *n };
                 }
-                constants.depth(&Contents { per_area, scale })
+                constants.depth(&LeafContents { per_area, scale })
             }
         };
         let usual = Oblateness::USUAL;
@@ -133,12 +133,12 @@ impl Case<'_> {
         let [cuticle, epidermis, palisade, spongy] =
             std::array::from_fn(|k| if given[k].is_nan() { usual[k] } else { given[k] });
         let path = match self.row.text(1).unwrap_or_default() {
-            "" => Path::Slant,
+            "" => MesophyllPath::Slant,
             word => word.parse().map_err(|_| format!("path is {word:?}; expected slant or sieve"))?,
         };
         let [n_cuticle, n_mesophyll, n_antidermal] = indices;
         let oblateness = Oblateness { cuticle, epidermis, palisade, spongy };
-        let leaf = Leaf { depth, n_cuticle, n_mesophyll, n_antidermal, oblateness, path };
+        let leaf = LayeredLeaf { depth, n_cuticle, n_mesophyll, n_antidermal, oblateness, path };
         match leaf.fault() {
             Some(fault) => Err(fault),
             None => Ok((leaf, if depth == 0.0 { 0.0 } else { depth / thickness })),
@@ -146,14 +146,14 @@ impl Case<'_> {
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if args.goniometer && args.method == MethodKind::Exact {
         return Err(Error::Usage(
             "--goniometer needs --method monte-carlo; the exact method knows how much light leaves, not where".into(),
         ));
     }
     let spectrum = args.pigments.as_deref().map(pigments::read).transpose()?;
-    let table = Table::open(&args.io.input)?;
+    let table = InputTable::open(&args.io.input)?;
     let text = |names: &[&str]| names.iter().map(|s| s.to_string()).collect::<Vec<_>>();
     let mut required = text(if args.table { &[] } else { &["incidence_deg"] });
     let mut optional = text(&OBLATENESS);
@@ -175,7 +175,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         table.require("side")?;
     }
     let reader = Reader { names: required.iter().chain(&optional).cloned().collect(), spectrum: spectrum.as_ref() };
-    let mut spec = Spec { required, optional, texts: text(&TEXTS), ..Spec::default() };
+    let mut spec = BatchSpec { required, optional, texts: text(&TEXTS), ..BatchSpec::default() };
     if args.goniometer || args.table {
         // A case has many rows, so each row states only what tells the cases apart.
         spec.dropped = reader.names.iter().cloned().chain(text(&TEXTS)).collect();
@@ -212,8 +212,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             shares(args, &case).map(|values| vec![values])
         };
         match found {
-            Ok(rows) => out.extend(rows.into_iter().map(Answer::ok)),
-            Err(why) => out.push(Answer::refused(why)),
+            Ok(rows) => out.extend(rows.into_iter().map(OutputRow::ok)),
+            Err(why) => out.push(OutputRow::refused(why)),
         }
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;
@@ -221,15 +221,20 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 /// How the shares are found.
-fn method(args: &Args) -> Method {
+fn method(args: &Args) -> FoliarMethod {
     match args.method {
-        MethodKind::Exact => Method::Exact,
-        MethodKind::MonteCarlo => Method::MonteCarlo { rays: args.rays.unwrap_or(1_000_000), seed: args.seed },
+        MethodKind::Exact => FoliarMethod::Exact,
+        MethodKind::MonteCarlo => FoliarMethod::MonteCarlo { rays: args.rays.unwrap_or(1_000_000), seed: args.seed },
     }
 }
 
 /// Shares of the light: reflectance, transmittance and their standard errors.
-fn outcome(args: &Args, leaf: &Leaf, side: Side, incidence: f64) -> std::result::Result<[(f64, f64); 2], String> {
+fn outcome(
+    args: &Args,
+    leaf: &LayeredLeaf,
+    side: Side,
+    incidence: f64,
+) -> std::result::Result<[(f64, f64); 2], String> {
     of_light(leaf, side, incidence, method(args), &progress::stop_requested)
 }
 
@@ -272,7 +277,7 @@ fn channels(args: &Args, case: &Case, begin: impl Fn() -> Vec<f64>) -> std::resu
                     let (side, incidence) = fsm::light(k);
                     let [(r, _), (through, _)] = outcome(args, &leaf, side, incidence)?;
                     let surface = leaf.surface_reflectance(incidence);
-                    Ok(fsm::Shares { surface, diffuse: (r - surface).max(0.0), through })
+                    Ok(fsm::FoliarShares { surface, diffuse: (r - surface).max(0.0), through })
                 };
                 (0..fsm::ROWS).map(row).collect::<std::result::Result<Vec<_>, String>>()?
             }

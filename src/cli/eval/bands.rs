@@ -1,11 +1,11 @@
 //! `mesophyll eval bands`: spectra in, what three bands see of them out.
 
-use crate::cli::fit::spectra::{self, Column, Shares};
-use crate::cli::named::named;
-use crate::cli::{Common, batch, tables};
+use crate::cli::fit::spectra::{self, ReadingUnit, SpectrumColumn};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
-use mesophyll_files::table::{Answer, BatchIo, LeftOut, Physical, Spec, Status, Table, Tally};
-use mesophyll_sky::response::Response;
+use mesophyll_files::table::{BatchIo, BatchSpec, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, Status};
+use mesophyll_sky::response::ObserverResponse;
 
 /// CSV columns `leaf,wavelength_nm,R,T` (a row a wavelength), or `R400,T400,R410,…` (a row a leaf) → the three bands of
 /// a published response: `r_r,r_g,r_b` of R and `t_r,t_g,t_b` of T, their standard errors, `status`.
@@ -17,8 +17,8 @@ pub struct Args {
     #[command(flatten)]
     io: BatchIo,
     /// The bands
-    #[arg(long, value_parser = named::<Response>(), default_value_t = Response::Srgb)]
-    response: Response,
+    #[arg(long, value_parser = named::<ObserverResponse>(), default_value_t = ObserverResponse::Srgb)]
+    response: ObserverResponse,
     /// Absolute standard error of R and T, where a cell has none of its own; 0 for exact values (default: not known,
     /// the error cells stay empty)
     #[arg(long, value_name = "S")]
@@ -39,18 +39,18 @@ type Sample = (usize, f64, f64, f64);
 struct Quantities(Vec<(bool, bool)>);
 
 impl Quantities {
-    fn of(columns: &[Column]) -> Quantities {
+    fn of(columns: &[SpectrumColumn]) -> Quantities {
         let mut found: Vec<(bool, bool)> = columns.iter().map(|c| (c.through, c.is_abaxial())).collect();
         found.sort_unstable();
         found.dedup();
         Quantities(found)
     }
 
-    fn place(&self, column: &Column) -> usize {
+    fn place(&self, column: &SpectrumColumn) -> usize {
         self.0.iter().position(|q| *q == (column.through, column.is_abaxial())).unwrap_or(0)
     }
 
-    fn outputs(&self, response: Response) -> Vec<String> {
+    fn outputs(&self, response: ObserverResponse) -> Vec<String> {
         let of = |(through, back): &(bool, bool)| {
             let start = format!("{}{}", if *through { "t" } else { "r" }, if *back { "_abaxial" } else { "" });
             response.letters().map(|letter| format!("{start}_{letter}"))
@@ -61,7 +61,7 @@ impl Quantities {
     }
 
     /// The bands of one leaf; those of a quantity without a reading stay empty.
-    fn answer(&self, response: Response, noise: Option<f64>, mut samples: Vec<Sample>) -> Answer {
+    fn answer(&self, response: ObserverResponse, noise: Option<f64>, mut samples: Vec<Sample>) -> OutputRow {
         samples.sort_by(|a, b| a.1.total_cmp(&b.1));
         let (mut values, mut errors) = (Vec::new(), Vec::new());
         for (k, (through, _)) in self.0.iter().enumerate() {
@@ -74,11 +74,11 @@ impl Quantities {
             let name = if *through { "T" } else { "R" };
             let wavelengths: Vec<f64> = own.iter().map(|s| s.1).collect();
             if let Some(pair) = wavelengths.windows(2).find(|pair| pair[0] == pair[1]) {
-                return Answer::refused(format!("{name} is given twice at {} nm", pair[0]));
+                return OutputRow::refused(format!("{name} is given twice at {} nm", pair[0]));
             }
             let weights = match response.weights(&wavelengths) {
                 Ok(weights) => weights,
-                Err(why) => return Answer::refused(format!("{name}: {why}")),
+                Err(why) => return OutputRow::refused(format!("{name}: {why}")),
             };
             let error = |s: &Sample| if s.3.is_nan() { noise.unwrap_or(f64::NAN) } else { s.3 };
             for c in 0..3 {
@@ -88,14 +88,14 @@ impl Quantities {
             }
         }
         if values.iter().all(|v| v.is_nan()) {
-            return Answer::refused("no reading");
+            return OutputRow::refused("no reading");
         }
         values.extend(errors);
-        Answer { values, status: Status::Ok }
+        OutputRow { values, status: Status::Ok }
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
         return Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more")));
     }
@@ -108,20 +108,20 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-fn spec(columns: &[Column], outputs: Vec<String>) -> Spec {
+fn spec(columns: &[SpectrumColumn], outputs: Vec<String>) -> BatchSpec {
     let readings: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let errors: Vec<String> = columns.iter().map(|c| c.error.clone()).collect();
-    Spec {
+    BatchSpec {
         optional: [&readings[..], &errors].concat(),
         outputs,
         readings: [&readings[..], &errors].concat(),
-        physical: vec![Physical::shares(readings), Physical::not_negative(errors)],
-        ..Spec::default()
+        physical: vec![PhysicalRange::shares(readings), PhysicalRange::not_negative(errors)],
+        ..BatchSpec::default()
     }
 }
 
 /// A row a leaf.
-fn wide(args: &Args, common: &Common, table: Table) -> Result<Tally> {
+fn wide(args: &Args, common: &CommonArgs, table: InputTable) -> Result<RowTally> {
     let found = spectra::wide(&table);
     if found.readings.is_empty() {
         return Err(spectra::nothing(&table, &found, TAKES));
@@ -129,15 +129,15 @@ fn wide(args: &Args, common: &Common, table: Table) -> Result<Tally> {
     let (columns, n) = (&found.readings, found.readings.len());
     let quantities = Quantities::of(columns);
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
-    let shares = Shares::of(&table, &names, args.percent)?;
+    let shares = ReadingUnit::of(&table, &names, args.percent)?;
     let spec = spec(columns, quantities.outputs(args.response));
-    let (name, left) = (table.name().to_path_buf(), LeftOut::default());
+    let (name, left) = (table.name().to_path_buf(), Omissions::default());
     let tally = mesophyll_files::table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         if let Some(why) = shares.refuse_each(names.iter().map(String::as_str).zip(row.all().iter().copied())) {
-            return out.push(Answer::refused(why));
+            return out.push(OutputRow::refused(why));
         }
         row.faults().for_each(|(_, why)| left.add(row.line(), why.to_string()));
-        let sample = |(k, c): (usize, &Column)| {
+        let sample = |(k, c): (usize, &SpectrumColumn)| {
             let (value, err) = (shares.scale * row.get(k), shares.scale * row.get(n + k));
             value.is_finite().then(|| (quantities.place(c), c.wavelength, value, err))
         };
@@ -149,24 +149,24 @@ fn wide(args: &Args, common: &Common, table: Table) -> Result<Tally> {
 }
 
 /// A row a wavelength.
-fn long(args: &Args, common: &Common, table: Table, form: &spectra::Long) -> Result<Tally> {
+fn long(args: &Args, common: &CommonArgs, table: InputTable, form: &spectra::LongSpectra) -> Result<RowTally> {
     let (columns, n) = (&form.readings, form.readings.len());
     if columns.is_empty() {
         return Err(spectra::nothing(&table, &spectra::wide(&table), TAKES));
     }
     let quantities = Quantities::of(columns);
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
-    let shares = Shares::of(&table, &names, args.percent)?;
+    let shares = ReadingUnit::of(&table, &names, args.percent)?;
     let mut spec = spec(columns, quantities.outputs(args.response));
     spec.required = vec![form.wavelength.clone()];
-    spec.physical.push(Physical::not_negative(spec.required.clone()));
+    spec.physical.push(PhysicalRange::not_negative(spec.required.clone()));
     let groups = spectra::leaves(table, &spec)?;
     let tally = groups.run(&args.io.rows(common.json), &spec, |_, rows, _| {
         let mut samples = Vec::new();
         for row in rows {
             let cells = &row.values[1..];
             if let Some(why) = shares.refuse_each(names.iter().map(String::as_str).zip(cells.iter().copied())) {
-                return Answer::refused(format!("line {}: {why}", row.line));
+                return OutputRow::refused(format!("line {}: {why}", row.line));
             }
             let nm = spectra::in_nm(row.values[0], form.unit_nm);
             for (k, c) in columns.iter().enumerate().filter(|(k, _)| cells[*k].is_finite()) {

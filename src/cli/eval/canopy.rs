@@ -1,15 +1,15 @@
 //! `mesophyll eval canopy`: a canopy's reflectance factor towards directions, or where the sun's light goes.
 
-use crate::cli::{Common, batch, tables};
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
-use mesophyll_files::progress::{self, Bar};
-use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
+use mesophyll_files::progress::{self, TaskProgress};
+use mesophyll_files::table::{Batch, BatchIo, BatchSpec, InputTable, OutputRow};
 use mesophyll_files::{atomic, claim};
 use mesophyll_scene::draw::reference;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::fits::missing::input_hash;
-use mesophyll_scene::placed::{leaf::Search, ledger::Ledger};
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::fits::maker::input_hash;
+use mesophyll_scene::placed::{leaf::LeafSearch, ledger::Ledger};
 use mesophyll_transport::path::Canopy;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder of an earlier run, whose fits of the scene's leaves are used
-    #[arg(long, value_name = "DIR", value_parser = crate::cli::place::folder())]
+    #[arg(long, value_name = "DIR", value_parser = crate::cli::destination::folder())]
     run: Option<PathBuf>,
     /// CSV of directions towards the viewer (`-`: standard input)
     #[arg(long, value_name = "FILE.csv", required_unless_present = "fluxes", conflicts_with = "fluxes")]
@@ -46,24 +46,24 @@ pub struct Args {
     seed: u64,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     // The table and the output are checked before the scene is read and its leaves are fitted.
-    let spec = Spec {
+    let spec = BatchSpec {
         required: vec!["view_zenith_deg".into()],
         optional: vec!["view_azimuth_deg".into()],
         outputs: vec!["brf".into(), "brf_err".into()],
-        ..Spec::default()
+        ..BatchSpec::default()
     };
     let io = BatchIo { input: args.directions.clone().unwrap_or_default(), output: args.output.clone() };
-    let open = |file: &PathBuf| Batch::open(Table::open(file)?, &io.rows(common.json), &spec);
+    let open = |file: &PathBuf| Batch::open(InputTable::open(file)?, &io.rows(common.json), &spec);
     let batch = args.directions.as_ref().map(open).transpose()?;
     claim::file(&args.output, &["csv", "json"], &[&args.scene])?;
     let ledger = Ledger::new();
-    let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
-    let mut manifest = Manifest::read(&args.scene)?;
+    let search = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
+    let mut manifest = SceneManifest::read(&args.scene)?;
     // No view is needed, but all leaves must be there.
     manifest.look_from_above();
-    let scene = Scene::open(manifest, search, &ledger)?;
+    let scene = LoadedScene::open(manifest, search, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     let world = reference::traced(&scene, 0.0, &ledger)?;
     let canopy = Canopy::new(&world, args.seed).map_err(|what| Error::input(&args.scene, what))?;
@@ -78,8 +78,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
 }
 
-fn directions(args: &Args, batch: Batch, io: &BatchIo, canopy: &Canopy, channel: usize, common: &Common) -> Result<u8> {
-    let bar = Bar::of("directions");
+fn directions(
+    args: &Args,
+    batch: Batch,
+    io: &BatchIo,
+    canopy: &Canopy,
+    channel: usize,
+    common: &CommonArgs,
+) -> Result<u8> {
+    let bar = TaskProgress::of("directions");
     let tally = batch.run(|row, out| {
         let (zenith, azimuth) = (row.get(0), row.get(1));
         // Without an azimuth the view is in the sun's plane. As is usual there, negative angles are on the sun's side.
@@ -88,7 +95,7 @@ fn directions(args: &Args, batch: Batch, io: &BatchIo, canopy: &Canopy, channel:
             false => (zenith.to_radians(), azimuth.to_radians()),
         };
         if !(zenith.cos() > 1e-3 && zenith.abs() < 1.6 && azimuth.is_finite()) {
-            out.push(Answer::refused(format!(
+            out.push(OutputRow::refused(format!(
                 "view_zenith_deg is {}; expected above -89.9 and below 89.9",
                 row.get(0)
             )));
@@ -96,13 +103,13 @@ fn directions(args: &Args, batch: Batch, io: &BatchIo, canopy: &Canopy, channel:
         }
         let brf = canopy.brf([zenith, azimuth], channel, args.samples);
         bar.advance(1);
-        out.push(Answer::ok(vec![brf.mean, brf.error]));
+        out.push(OutputRow::ok(vec![brf.mean, brf.error]));
     })?;
     batch::say_tally(&tally, io, common, "direction")?;
     Ok(0)
 }
 
-fn fluxes(args: &Args, canopy: &Canopy, channel: usize, common: &Common) -> Result<u8> {
+fn fluxes(args: &Args, canopy: &Canopy, channel: usize, common: &CommonArgs) -> Result<u8> {
     let found = canopy.fluxes(channel, args.samples);
     if progress::stop_requested() {
         return Err(Error::Interrupted("interrupted; nothing was written".into()));

@@ -1,10 +1,10 @@
 //! `mesophyll eval dipole`: thickness and radius in, a leaf's transmittance T(r, d) out.
 
-use crate::cli::named::named;
-use crate::cli::{Common, batch, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
-use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
-use mesophyll_optics::dipole::{Form, FormKind, Tissue, verdict};
+use mesophyll_files::table::{self, BatchIo, BatchSpec, InputTable, OutputRow, Status};
+use mesophyll_optics::dipole::{DipoleForm, FormKind, Tissue, verdict};
 
 /// CSV columns `thickness,radius` (mm) → `t,status`: exitance of the far side, 1/mm², per flux that entered `radius`
 /// away.
@@ -36,7 +36,7 @@ pub struct Args {
     method: FormKind,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let tissue = Tissue { sigma_a: args.sigma_a, sigma_s: args.sigma_s, g: args.g, a: args.a };
     if let Some(fault) = tissue.fault() {
         return Err(Error::Usage(format!("--{}", fault.replacen("sigma_", "sigma-", 1))));
@@ -45,13 +45,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let most = verdict::MOST_DIPOLES;
         return Err(Error::Usage(format!("--dipoles is {}; expected 0 to {most}", args.dipoles)));
     }
-    let form = Form::of(args.method, args.dipoles);
-    let spec =
-        Spec { required: vec!["thickness".into(), "radius".into()], outputs: vec!["t".into()], ..Spec::default() };
-    let tally = table::run(Table::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {
+    let form = DipoleForm::of(args.method, args.dipoles);
+    let spec = BatchSpec {
+        required: vec!["thickness".into(), "radius".into()],
+        outputs: vec!["t".into()],
+        ..BatchSpec::default()
+    };
+    let tally = table::run(InputTable::open(&args.io.input)?, &args.io.rows(common.json), &spec, |row, out| {
         out.push(match verdict::evaluate(&tissue, form, row.get(0), row.get(1)) {
-            (_, Status::Refused(why)) => Answer::refused(why),
-            (t, status) => Answer { values: vec![t], status },
+            (_, Status::Refused(why)) => OutputRow::refused(why),
+            (t, status) => OutputRow { values: vec![t], status },
         });
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;

@@ -1,8 +1,8 @@
 //! `mesophyll eval fsm`: the parts of the foliar scattering model, one a row.
 
 use crate::cli::Result;
-use crate::cli::{Common, batch, tables};
-use mesophyll_files::table::{self, Answer, BatchIo, Row, Spec, Table};
+use crate::cli::{CommonArgs, batch, tables};
+use mesophyll_files::table::{self, BatchIo, BatchSpec, InputRow, InputTable, OutputRow};
 use mesophyll_optics::foliar::goniometer::{RINGS, SECTORS};
 use mesophyll_optics::foliar::{fsm, lobe};
 
@@ -41,25 +41,25 @@ const PATCH_AZIMUTH: &str = "patch_azimuth";
 const OUTPUTS: [&str; 7] = ["alpha_e_deg", "beta_e_deg", "alpha_m_deg", "beta_m_deg", "value", "acceptance", "cut"];
 const KINDS: &str = "angles, surface_pdf, luminance, direct, theta, rms or patch";
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let table = Table::open(&args.io.input)?;
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    let table = InputTable::open(&args.io.input)?;
     table.require("kind")?;
-    let spec = Spec {
+    let spec = BatchSpec {
         optional: INPUTS.iter().chain(&[PATCH_AZIMUTH]).map(|s| s.to_string()).collect(),
         outputs: OUTPUTS.iter().map(|s| s.to_string()).collect(),
         whole: vec!["cut".into()],
         texts: vec!["kind".into(), "differences".into()],
-        ..Spec::default()
+        ..BatchSpec::default()
     };
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
-        out.push(evaluate(row).map_or_else(Answer::refused, Answer::ok));
+        out.push(evaluate(row).map_or_else(OutputRow::refused, OutputRow::ok));
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)
 }
 
 /// A number that must be there and in a range.
-fn number(row: &Row, name: &str, least: f64, most: f64) -> std::result::Result<f64, String> {
+fn number(row: &InputRow, name: &str, least: f64, most: f64) -> std::result::Result<f64, String> {
     let k = INPUTS.iter().position(|n| *n == name).unwrap_or(INPUTS.len());
     let x = row.get(k);
     if x.is_nan() {
@@ -71,7 +71,7 @@ fn number(row: &Row, name: &str, least: f64, most: f64) -> std::result::Result<f
     }
 }
 
-fn evaluate(row: &Row) -> std::result::Result<Vec<f64>, String> {
+fn evaluate(row: &InputRow) -> std::result::Result<Vec<f64>, String> {
     let get = |name: &str, least: f64, most: f64| number(row, name, least, most);
     let any = |name: &str| number(row, name, -f64::MAX, f64::MAX);
     let angle = |name: &str, most: f64| Ok::<f64, String>(get(name, 0.0, most)?.to_radians());
@@ -130,7 +130,7 @@ fn evaluate(row: &Row) -> std::result::Result<Vec<f64>, String> {
         }
         "patch" => {
             let (incidence, ob) = (angle("incidence_deg", 90.0)?, oblateness()?);
-            let shares = fsm::Shares {
+            let shares = fsm::FoliarShares {
                 surface: get("rho_s", 0.0, 1.0)?,
                 diffuse: get("rho_d", 0.0, 1.0)?,
                 through: get("tau", 0.0, 1.0)?,

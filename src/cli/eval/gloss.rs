@@ -1,12 +1,12 @@
 //! `mesophyll eval gloss`: traces that a linear light source would show, wide, so that they feed `fit gloss`.
 
 use crate::cli::fit::gloss::LobeArgs;
-use crate::cli::{Common, batch, tables};
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
-use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
-use mesophyll_fits::gloss::geometry::Geometry;
+use mesophyll_files::table::{Batch, BatchIo, BatchSpec, InputTable, OutputRow};
+use mesophyll_fits::gloss::geometry::GlossGeometry;
 use mesophyll_fits::gloss::{M_RANGE, normal_of};
-use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 use rand::{RngExt, SeedableRng};
 use std::path::PathBuf;
 
@@ -37,13 +37,13 @@ pub struct Args {
     io: BatchIo,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let geometry = Geometry::read(&args.geometry)?;
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    let geometry = GlossGeometry::read(&args.geometry)?;
     if let Some(s) = args.noise.filter(|s| !(s.is_finite() && *s >= 0.0)) {
         return Err(Error::argument("--noise", s, "zero or a positive number"));
     }
     let device = geometry.device(args.lobe.lobe()?);
-    let table = Table::open(&args.io.input)?;
+    let table = InputTable::open(&args.io.input)?;
     let rgb = table.column("rho_d_r").is_some();
     let suffixes: &[&str] = if rgb { &["_r", "_g", "_b"] } else { &[""] };
     let channels = suffixes.len();
@@ -53,7 +53,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         names("rho_d").into_iter().chain(names("rho_s")).chain(["m".into(), tilt_column.clone()]).collect();
     let optional: Vec<String> = vec![tilt_y_column, "seed".into()];
     let positions = geometry.positions_mm();
-    let spec = Spec {
+    let spec = BatchSpec {
         dropped: required.iter().chain(&optional).cloned().collect(),
         required,
         optional,
@@ -61,27 +61,27 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             .iter()
             .flat_map(|c| (0..positions.len()).map(move |k| format!("{c}{k}")))
             .collect(),
-        ..Spec::default()
+        ..BatchSpec::default()
     };
     let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
-    let precision = Precision { along: args.quadrature.into(), ..Precision::fine() };
-    let model = Model::new(device.tube(), device.camera, device.lobe, &precision);
+    let precision = TubePrecision { along: args.quadrature.into(), ..TubePrecision::fine() };
+    let model = TubeModel::new(device.tube(), device.camera, device.lobe, &precision);
     let tally = batch.run(|row, out| {
         let (m, tilt) = (row.get(2 * channels), tilt_unit * row.get(2 * channels + 1));
         let tilt_y = if row.get(2 * channels + 2).is_nan() { 0.0 } else { tilt_y_unit * row.get(2 * channels + 2) };
         if !(M_RANGE[0] * 0.01..=10.0).contains(&m) {
-            out.push(Answer::refused(format!("m is {m}, expected {} to 10", M_RANGE[0] * 0.01)));
+            out.push(OutputRow::refused(format!("m is {m}, expected {} to 10", M_RANGE[0] * 0.01)));
             return;
         }
         if !(tilt.abs() <= 1.5 && tilt_y.abs() <= 1.5) {
-            out.push(Answer::refused(format!(
+            out.push(OutputRow::refused(format!(
                 "{} or tilt_y is beyond 1.5 rad (86 degrees)",
                 spec.required[2 * channels + 1]
             )));
             return;
         }
         if let Some(k) = (0..2 * channels).find(|&k| !(0.0..1e6).contains(&row.get(k))) {
-            out.push(Answer::refused(format!("{} is {}, expected zero or more", spec.required[k], row.get(k))));
+            out.push(OutputRow::refused(format!("{} is {}, expected zero or more", spec.required[k], row.get(k))));
             return;
         }
         let normal = normal_of([tilt, tilt_y]);
@@ -95,7 +95,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         if let Some(noise) = args.noise {
             add_noise(&mut values, noise, geometry.noise_floor, args.seed, row.all());
         }
-        out.push(Answer::ok(values));
+        out.push(OutputRow::ok(values));
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;
     Ok(0)

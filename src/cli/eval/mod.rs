@@ -1,8 +1,8 @@
 //! `mesophyll eval …`: one file a model. The list is [`crate::cli::models::MODELS`].
 
-use super::Common;
+use super::CommonArgs;
 use crate::cli::Result;
-use crate::cli::models::{Chosen, Model, Offers, Verb};
+use crate::cli::models::{ModelEntry, ModelVerb, VerbCatalogue, VerbChoice};
 
 pub mod abm;
 pub mod bands;
@@ -19,19 +19,19 @@ pub mod sway;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    what: Chosen<Evaluations>,
+    what: VerbChoice<Evaluations>,
 }
 
 /// The models that can be evaluated.
 #[derive(Debug, Clone)]
 enum Evaluations {}
 
-impl Offers for Evaluations {
-    fn verb(model: &Model) -> Option<Verb> {
+impl VerbCatalogue for Evaluations {
+    fn verb(model: &ModelEntry) -> Option<ModelVerb> {
         model.eval
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     args.what.run(common)
 }

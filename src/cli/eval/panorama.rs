@@ -1,12 +1,12 @@
 //! `mesophyll eval panorama`: a picture of a sky whose sun and turbidity are known, for tests of `fit sky --panorama`.
 
-use crate::cli::named::named;
-use crate::cli::{Common, place, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, destination, tables};
 use crate::cli::{Error, Result};
 use mesophyll_files::image::{Packing, write_exr};
 use mesophyll_files::{claim, progress};
-use mesophyll_fits::sky::panorama::projection::{Projection, ProjectionKind};
-use mesophyll_fits::sky::panorama::render::{Shot, render};
+use mesophyll_fits::sky::panorama::projection::{PanoramaProjection, PanoramaProjectionKind};
+use mesophyll_fits::sky::panorama::render::{PanoramaShot, render};
 use mesophyll_sky::SkyModel;
 use std::path::PathBuf;
 
@@ -41,8 +41,8 @@ pub struct Args {
     #[arg(long, value_name = "A", default_value_t = 0.0)]
     ground: f64,
     /// How pixels map to directions
-    #[arg(long, value_parser = named::<ProjectionKind>(), default_value_t = ProjectionKind::Equirectangular)]
-    projection: ProjectionKind,
+    #[arg(long, value_parser = named::<PanoramaProjectionKind>(), default_value_t = PanoramaProjectionKind::Equirectangular)]
+    projection: PanoramaProjectionKind,
     /// With --projection fisheye: the whole angle across the circle
     #[arg(long, value_name = "DEG", default_value_t = 180.0)]
     field_deg: f64,
@@ -69,10 +69,10 @@ pub struct Args {
 /// Largest picture.
 const MOST: usize = 1 << 26;
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     claim::file(&args.output, &["exr"], &[])?;
-    let projection = Projection::of(args.projection, args.field_deg);
-    let default = if args.projection == ProjectionKind::Fisheye { "256x256" } else { "256x128" };
+    let projection = PanoramaProjection::of(args.projection, args.field_deg);
+    let default = if args.projection == PanoramaProjectionKind::Fisheye { "256x256" } else { "256x128" };
     let text = args.size.as_deref().unwrap_or(default);
     let size = text.split_once('x').and_then(|(w, h)| Some((w.parse::<usize>().ok()?, h.parse::<usize>().ok()?)));
     let (width, height) = size
@@ -94,7 +94,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let model = mesophyll_fits::sky::over(args.model, args.albedo)?;
     let sky = model.sky(args.sun_zenith_deg.to_radians(), args.turbidity).map_err(|e| Error::Usage(e.to_string()))?;
-    let shot = Shot {
+    let shot = PanoramaShot {
         projection,
         width,
         height,
@@ -106,13 +106,13 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         disk: args.disk,
         clip: args.clip.unwrap_or(f64::INFINITY),
     };
-    let stdout = place::is_stdout(&args.output);
+    let stdout = destination::is_stdout(&args.output);
     if stdout && common.json {
         return Err(Error::Usage(
             "-o -: standard output holds the picture itself; expected no --json beside it".into(),
         ));
     }
-    place::file(&args.output, |path| write_exr(path, &render(sky.as_ref(), &shot), Packing::Zip))?;
+    destination::file(&args.output, |path| write_exr(path, &render(sky.as_ref(), &shot), Packing::Zip))?;
     if common.json {
         crate::cli::print_json(&serde_json::json!({ "written": [args.output] }))?;
     } else if !stdout {

@@ -1,11 +1,11 @@
 //! `mesophyll eval sky`: sun and turbidity in, spherical harmonics of the sky out, N² rows for each row.
 
 use crate::cli::Result;
-use crate::cli::named::named;
-use crate::cli::{Common, batch, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, batch, tables};
 use mesophyll_files::progress;
-use mesophyll_files::table::{Answer, Batch, BatchIo, Spec, Table};
-use mesophyll_fits::sky::evaluate::{Evaluator, Source};
+use mesophyll_files::table::{Batch, BatchIo, BatchSpec, InputTable, OutputRow};
+use mesophyll_fits::sky::evaluator::{SkyFitEvaluator, SkyFitSource};
 use mesophyll_fits::sky::window::WindowKind;
 use mesophyll_sky::SkyModel;
 use mesophyll_sky::harmonics::MOST_BANDS;
@@ -34,8 +34,8 @@ pub struct Args {
     /// fit: fitted polynomials, error about 1e-5; compact: polynomials of half the size, error about 1e-4; direct:
     /// numerical integration, error about 1e-9. The other methods fit polynomials to the Preetham sky without using its
     /// formula
-    #[arg(long, value_parser = named::<Source>(), default_value_t = Source::Fit)]
-    method: Source,
+    #[arg(long, value_parser = named::<SkyFitSource>(), default_value_t = SkyFitSource::Fit)]
+    method: SkyFitSource,
     /// The sky; hosek-wilkie needs --method direct
     #[arg(long, value_parser = named::<SkyModel>(), default_value_t = SkyModel::Preetham)]
     model: SkyModel,
@@ -54,20 +54,20 @@ pub struct Args {
     fit: Option<PathBuf>,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let (bands, window, ground) = (usize::from(args.bands), args.window, args.ground);
-    let table = Table::open(&args.io.input)?;
+    let table = InputTable::open(&args.io.input)?;
     let (sun_column, sun_unit) = table.angle("sun_zenith")?;
-    let spec = Spec {
+    let spec = BatchSpec {
         required: vec![sun_column.clone(), "turbidity".into()],
         outputs: ["index", "r", "g", "b"].map(String::from).to_vec(),
         whole: vec!["index".into()],
-        ..Spec::default()
+        ..BatchSpec::default()
     };
     let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
     let skies = match &args.fit {
-        Some(folder) => Evaluator::of_folder(folder, bands, window, ground)?,
-        None => Evaluator::new(args.method, args.model, args.albedo, bands, window, ground)?,
+        Some(folder) => SkyFitEvaluator::of_folder(folder, bands, window, ground)?,
+        None => SkyFitEvaluator::new(args.method, args.model, args.albedo, bands, window, ground)?,
     };
     let (beyond, warned) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let tally = batch.run(|row, out| {
@@ -77,15 +77,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
                 beyond.fetch_add(usize::from(found.beyond_fit), Ordering::Relaxed);
                 warned.fetch_add(usize::from(found.warned), Ordering::Relaxed);
                 let values = found.coefficients.values().iter().enumerate();
-                out.extend(values.map(|(k, v)| Answer::ok(vec![k as f64, v[0], v[1], v[2]])));
+                out.extend(values.map(|(k, v)| OutputRow::ok(vec![k as f64, v[0], v[1], v[2]])));
             }
             Err(_) if sun_unit != 1.0 && !(0.0..=90.0).contains(&row.get(0)) => {
-                out.push(Answer::refused(format!(
+                out.push(OutputRow::refused(format!(
                     "{sun_column} is {}; expected 0 (zenith) to 90 (horizon)",
                     row.get(0)
                 )));
             }
-            Err(why) => out.push(Answer::refused(why.to_string())),
+            Err(why) => out.push(OutputRow::refused(why.to_string())),
         }
     })?;
     let (beyond, warned) = (beyond.into_inner(), warned.into_inner());

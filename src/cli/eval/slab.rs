@@ -1,11 +1,11 @@
 //! `mesophyll eval slab`: ω and Δ in, ρd and ρt out.
 
-use crate::cli::named::named;
-use crate::cli::{Common, batch, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
-use mesophyll_files::table::{self, Answer, BatchIo, Spec, Status, Table};
+use mesophyll_files::table::{self, BatchIo, BatchSpec, InputTable, OutputRow, Status};
 use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
-use mesophyll_optics::slab::verdict::{Evaluator, Method};
+use mesophyll_optics::slab::verdict::{SlabEvaluator, SlabMethod};
 
 /// CSV columns `omega,delta` (single-scattering albedo, optical thickness) → `rho_d,rho_t,status`.
 ///
@@ -21,8 +21,8 @@ pub struct Args {
     io: BatchIo,
     /// fast: interpolation in a table, error about 1e-8; exact: at least nine digits; fn: the paper's F_N method, whose
     /// order is raised until two successive orders agree
-    #[arg(long, value_parser = named::<Method>(), default_value_t = Method::Fast)]
-    method: Method,
+    #[arg(long, value_parser = named::<SlabMethod>(), default_value_t = SlabMethod::Fast)]
+    method: SlabMethod,
     /// Angle of the beam from the normal, below 90 (with --method exact)
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
     incidence_deg: f64,
@@ -32,32 +32,32 @@ pub struct Args {
     index: f64,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if !(0.0..90.0).contains(&args.incidence_deg) {
         return Err(Error::Usage(format!("--incidence-deg is {}; expected 0 to below 90", args.incidence_deg)));
     }
-    if args.incidence_deg != 0.0 && args.method != Method::Exact {
+    if args.incidence_deg != 0.0 && args.method != SlabMethod::Exact {
         return Err(Error::Usage("--incidence-deg needs --method exact; the others are made for a normal beam".into()));
     }
     if !INDEX.contains(&args.index) {
         return Err(Error::argument("--index", args.index, INDEX_EXPECTED));
     }
-    if args.index != 1.0 && args.method == Method::Fn {
+    if args.index != 1.0 && args.method == SlabMethod::Fn {
         return Err(Error::Usage("--index needs --method fast or exact; fn is for faces that reflect nothing".into()));
     }
     let mu0 = args.incidence_deg.to_radians().cos();
-    let spec = Spec {
+    let spec = BatchSpec {
         required: vec!["omega".into(), "delta".into()],
         optional: vec!["one_minus_omega".into()],
         outputs: vec!["rho_d".into(), "rho_t".into()],
-        ..Spec::default()
+        ..BatchSpec::default()
     };
-    let table = Table::open(&args.io.input)?;
-    let slabs = Evaluator::new(args.method, mu0, args.index);
+    let table = InputTable::open(&args.io.input)?;
+    let slabs = SlabEvaluator::new(args.method, mu0, args.index);
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         out.push(match slabs.evaluate(row.get(0), row.get(1), row.get(2)) {
-            (_, Status::Refused(why)) => Answer::refused(why),
-            (r, status) => Answer { values: vec![r.rho_d, r.rho_t], status },
+            (_, Status::Refused(why)) => OutputRow::refused(why),
+            (r, status) => OutputRow { values: vec![r.rho_d, r.rho_t], status },
         });
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;

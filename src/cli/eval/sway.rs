@@ -1,13 +1,13 @@
 //! `mesophyll eval sway`: where the tips of the branches of a scene's plants are over time.
 
-use crate::cli::{Common, tables};
+use crate::cli::{CommonArgs, tables};
 use crate::cli::{Error, Result};
-use mesophyll_files::progress::Bar;
-use mesophyll_files::table::{Output, Sink, push_number, push_text};
-use mesophyll_scene::manifest::Manifest;
+use mesophyll_files::progress::TaskProgress;
+use mesophyll_files::table::{TableOutput, TableSink, push_number, push_text};
+use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_scene::placed::plant::{self, Planted};
-use mesophyll_scene::placed::winds::Winds;
+use mesophyll_scene::placed::plant::{self, PlacedPlant};
+use mesophyll_scene::placed::winds::SwayingPlants;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -37,30 +37,30 @@ pub struct Args {
 /// More rows than this are more likely a typing error than a wish.
 const MOST_ROWS: f64 = 2e8;
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if !(args.step > 0.0 && args.step.is_finite()) {
         return Err(Error::argument("--step", args.step, "a time above 0"));
     }
     if !(args.from.is_finite() && args.to.is_finite() && args.to >= args.from) {
         return Err(Error::argument("--to", args.to, format!("a time not before --from ({})", args.from)));
     }
-    let manifest = Manifest::read(&args.scene)?;
+    let manifest = SceneManifest::read(&args.scene)?;
     let ledger = Ledger::new();
     let planted = plant::planted(&manifest, &ledger)?;
     let rows: usize = planted.iter().map(|p| p.places.len() * p.plant.branches.len()).sum();
     if rows == 0 {
         return Err(Error::field(&args.scene, "plant", "missing; expected a scene with a plant that has branches"));
     }
-    let standing = Standing { winds: Winds::new(&manifest, &planted, &ledger)?, planted: &planted };
+    let standing = Standing { winds: SwayingPlants::new(&manifest, &planted, &ledger)?, planted: &planted };
     // The last time is included although rounding may make the steps fall short of it.
     let steps = ((args.to - args.from) / args.step + 1e-9).floor();
     if (steps + 1.0) * rows as f64 > MOST_ROWS {
         let found = format!("{} rows", (steps + 1.0) * rows as f64);
         return Err(Error::argument("--step", found, format!("at most {MOST_ROWS:e}")));
     }
-    let mut sink = Sink::open(&Output { path: args.output.clone(), json: common.json }, &args.scene)?;
+    let mut sink = TableSink::open(&TableOutput { path: args.output.clone(), json: common.json }, &args.scene)?;
     sink.write_all(b"time_s,plant,branch,tip_x_mm,tip_y_mm,tip_z_mm\n")?;
-    let bar = Bar::of("times");
+    let bar = TaskProgress::of("times");
     // A few times are computed at once, because plants of many branches take a while each.
     let all: Vec<u64> = (0..=steps as u64).collect();
     for some in all.chunks(256) {
@@ -87,9 +87,9 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 
 /// The scene's plants.
 struct Standing<'a> {
-    planted: &'a [Planted],
+    planted: &'a [PlacedPlant],
     /// `None`: they stand still.
-    winds: Option<Winds>,
+    winds: Option<SwayingPlants>,
 }
 
 impl Standing<'_> {

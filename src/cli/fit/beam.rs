@@ -1,14 +1,14 @@
 //! `mesophyll fit beam`: coefficients of a taper, the basis of all tapers, or taper and stiffness from measured
 //! deflections.
 
-use crate::cli::named::named;
-use crate::cli::{Common, batch, place, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, batch, destination, tables};
 use crate::cli::{Error, Result};
-use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::claim::{self, OutputKind};
 use mesophyll_files::progress::say;
-use mesophyll_files::table::{self, BatchIo, Sink, Spec, Table};
-use mesophyll_fits::branch::beam::measured::Along;
-use mesophyll_fits::branch::beam::record::Asked;
+use mesophyll_files::table::{self, BatchIo, BatchSpec, InputTable, TableSink};
+use mesophyll_fits::branch::beam::fit::PositionReference;
+use mesophyll_fits::branch::beam::record::BranchFitRequest;
 use mesophyll_fits::branch::beam::{self, basis, deflections, record};
 use mesophyll_plants::mechanics::load::Load;
 use mesophyll_proof::beam::charts;
@@ -41,8 +41,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["basis", "pictures", "input"])]
     deflections: Option<PathBuf>,
     /// With --deflections: what positions were measured along
-    #[arg(long, value_parser = named::<Along>(), default_value_t = Along::Branch, requires = "deflections")]
-    positions: Along,
+    #[arg(long, value_parser = named::<PositionReference>(), default_value_t = PositionReference::Branch, requires = "deflections")]
+    positions: PositionReference,
     /// With --deflections: how the load hangs on the branch: tip, even (along the branch), own-weight (in proportion to
     /// the cross-section), or the distance of a single load from the root, up to 1 as a share of the length and above 1
     /// in mm. Without it the load is taken as even, and a branch whose readings speak for another is undetermined
@@ -55,14 +55,14 @@ pub struct Args {
     #[arg(long, requires = "output")]
     basis: bool,
     /// Write the documentation pictures beam-*.svg into this folder
-    #[arg(long, value_name = "DIR", value_parser = place::folder())]
+    #[arg(long, value_name = "DIR", value_parser = destination::folder())]
     pictures: Option<PathBuf>,
 }
 
 /// What `-o, --out` names: the place for rows, and the folder of the fit, if any.
 fn places(args: &Args) -> Result<(PathBuf, Option<PathBuf>)> {
     let is_folder = |path: &&PathBuf| match args.deflections {
-        Some(_) => !place::is_stdout(path) && (path.is_dir() || (!path.exists() && path.extension().is_none())),
+        Some(_) => !destination::is_stdout(path) && (path.is_dir() || (!path.exists() && path.extension().is_none())),
         None => args.basis,
     };
     let (folders, files): (Vec<&PathBuf>, Vec<&PathBuf>) = args.output.iter().partition(is_folder);
@@ -71,13 +71,13 @@ fn places(args: &Args) -> Result<(PathBuf, Option<PathBuf>)> {
         let expected = "at most one CSV, and with --deflections one folder besides";
         return Err(Error::Usage(format!("-o, --out: found {}; expected {expected}", names.join(" and "))));
     }
-    if let (true, Some(folder)) = (args.basis, folders.first().filter(|f| place::is_stdout(f))) {
+    if let (true, Some(folder)) = (args.basis, folders.first().filter(|f| destination::is_stdout(f))) {
         return Err(Error::Usage(format!("-o {}: --basis writes a folder, expected its name", folder.display())));
     }
     Ok((files.first().map_or_else(|| "-".into(), |f| f.to_path_buf()), folders.first().map(|f| f.to_path_buf())))
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let (output, folder) = places(args)?;
     let io = BatchIo { input: args.input.clone(), output };
     if let Some(path) = &args.deflections {
@@ -88,7 +88,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             basis_to(folder, common)?;
         }
         if let Some(folder) = &args.pictures {
-            let _claim = claim::folder(folder, Kind::Pictures, &[])?;
+            let _claim = claim::folder(folder, OutputKind::Pictures, &[])?;
             let files = charts::write(folder, &figures::all())?;
             if common.json && !args.basis {
                 crate::cli::print_json(&serde_json::json!({ "written": files }))?;
@@ -97,19 +97,19 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         }
         return Ok(0);
     }
-    let spec = Spec {
+    let spec = BatchSpec {
         required: vec!["alpha".into()],
         outputs: beam::OUTPUTS.iter().map(|s| s.to_string()).collect(),
-        ..Spec::default()
+        ..BatchSpec::default()
     };
-    let tally = table::run(Table::open(&io.input)?, &io.rows(common.json), &spec, |row, out| {
+    let tally = table::run(InputTable::open(&io.input)?, &io.rows(common.json), &spec, |row, out| {
         out.push(beam::coefficients(row.get(0), args.samples as usize));
     })?;
     batch::say_tally(&tally, &io, common, "row")?;
     Ok(0)
 }
 
-fn basis_to(folder: &Path, common: &Common) -> Result<()> {
+fn basis_to(folder: &Path, common: &CommonArgs) -> Result<()> {
     let (record, seconds) = record::basis_to(folder)?;
     if common.json {
         crate::cli::print_json(&record)?;
@@ -125,11 +125,11 @@ fn basis_to(folder: &Path, common: &Common) -> Result<()> {
     Ok(())
 }
 
-fn from_deflections(args: &Args, path: &Path, io: &BatchIo, folder: Option<&Path>, common: &Common) -> Result<u8> {
+fn from_deflections(args: &Args, path: &Path, io: &BatchIo, folder: Option<&Path>, common: &CommonArgs) -> Result<u8> {
     deflections::check_noise(args.noise)?;
-    let sink = Sink::open(&io.rows(common.json), path)?;
+    let sink = TableSink::open(&io.rows(common.json), path)?;
     let (branches, fits) =
-        record::branches_to(path, folder, args.noise, Asked { along: args.positions, load: args.load })?;
+        record::branches_to(path, folder, args.noise, BranchFitRequest { along: args.positions, load: args.load })?;
     deflections::notes(&branches, &fits, args.load).into_iter().for_each(say);
     let tally = deflections::write(&branches, &fits, sink)?;
     batch::say_tally(&tally, io, common, "branch")?;

@@ -1,17 +1,19 @@
 //! `mesophyll fit foliar`: R and T at some wavelengths in, pigments and the epidermis's oblateness out.
 
-use super::spectra::{self, Column, Long, Shares};
-use crate::cli::named::named;
-use crate::cli::{Common, batch, tables};
+use super::spectra::{self, LongSpectra, ReadingUnit, SpectrumColumn};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
-use mesophyll_files::table::{Answer, Batch, BatchIo, GroupRow, LeftOut, Physical, Spec, Table, Tally, counted};
+use mesophyll_files::table::{
+    Batch, BatchIo, BatchSpec, GroupRow, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, counted,
+};
 use mesophyll_files::{atomic, progress};
-use mesophyll_fits::foliar::surface::{MOST_OBLATE, Setting};
-use mesophyll_fits::foliar::{Known, Model, Parameter, Reading, pigments};
-use mesophyll_optics::foliar::pigments::Spectrum;
-use mesophyll_optics::foliar::{Oblateness, Path};
+use mesophyll_fits::foliar::surface::{FoliarFitSetting, MOST_OBLATE};
+use mesophyll_fits::foliar::{FoliarFitConstants, FoliarFitModel, FoliarParameter, FoliarReading, pigments};
+use mesophyll_optics::foliar::pigments::OpticalSpectrum;
+use mesophyll_optics::foliar::{MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
-use mesophyll_report::spectrum::{self, Line, Panel};
+use mesophyll_report::spectrum::{self, SpectrumLine, SpectrumPanel};
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -36,9 +38,9 @@ pub struct Args {
     #[arg(long, value_name = "S")]
     noise: Option<f64>,
     /// What is fitted; the rest is taken from columns of the same names, or is 0 (the oblateness: 5)
-    #[arg(long = "fit", value_name = "NAME,…", value_delimiter = ',', value_parser = named::<Parameter>(),
-        default_values_t = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness])]
-    asked: Vec<Parameter>,
+    #[arg(long = "fit", value_name = "NAME,…", value_delimiter = ',', value_parser = named::<FoliarParameter>(),
+        default_values_t = [FoliarParameter::Chlorophyll, FoliarParameter::Carotenoid, FoliarParameter::Oblateness])]
+    asked: Vec<FoliarParameter>,
     /// How long a crossing of the mesophyll is: sieve (the public program's) or slant
     #[arg(long, value_parser = ["sieve", "slant"], default_value = "sieve")]
     path: String,
@@ -59,10 +61,15 @@ pub struct Args {
     plots: Option<PathBuf>,
 }
 
-const SUBSTANCES: [Parameter; 5] =
-    [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Protein, Parameter::CelluloseLignin, Parameter::Water];
+const SUBSTANCES: [FoliarParameter; 5] = [
+    FoliarParameter::Chlorophyll,
+    FoliarParameter::Carotenoid,
+    FoliarParameter::Protein,
+    FoliarParameter::CelluloseLignin,
+    FoliarParameter::Water,
+];
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
         return Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more")));
     }
@@ -77,21 +84,21 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     if let Some((k, _)) = args.asked.iter().enumerate().find(|(k, p)| args.asked[..*k].contains(p)) {
         return Err(Error::Usage(format!("--fit names {} twice", args.asked[k])));
     }
-    if args.asked.iter().all(|p| *p == Parameter::Thickness) {
+    if args.asked.iter().all(|p| *p == FoliarParameter::Thickness) {
         return Err(Error::Usage(
             "--fit names no parameter that R and T determine; expected at least one content or oblateness".into(),
         ));
     }
     let spectrum = pigments::read(&args.pigments)?;
     let table = spectra::open(&args.io.input)?;
-    let setting = Setting {
+    let setting = FoliarFitSetting {
         palisade: args.oblateness_palisade,
         spongy: args.oblateness_spongy,
-        path: if args.path == "slant" { Path::Slant } else { Path::Sieve },
+        path: if args.path == "slant" { MesophyllPath::Slant } else { MesophyllPath::Sieve },
         incidence: args.incidence_deg.to_radians(),
     };
-    let given: Vec<Parameter> =
-        SUBSTANCES.into_iter().chain([Parameter::Oblateness]).filter(|p| !args.asked.contains(p)).collect();
+    let given: Vec<FoliarParameter> =
+        SUBSTANCES.into_iter().chain([FoliarParameter::Oblateness]).filter(|p| !args.asked.contains(p)).collect();
     let (tally, stated) = match spectra::long(&table)? {
         Some(form) => long(args, common, table, &form, &spectrum, setting, &given)?,
         None if args.plots.is_some() => {
@@ -119,8 +126,8 @@ fn side(word: Option<&str>) -> std::result::Result<Side, String> {
 }
 
 /// What is known of a leaf, from the cells of the columns that are `given`.
-fn known(given: &[Parameter], cells: &[f64]) -> std::result::Result<Known, String> {
-    let mut known = Known { contents: [0.0; 5], oblateness: Oblateness::USUAL.epidermis };
+fn known(given: &[FoliarParameter], cells: &[f64]) -> std::result::Result<FoliarFitConstants, String> {
+    let mut known = FoliarFitConstants { contents: [0.0; 5], oblateness: Oblateness::USUAL.epidermis };
     for (p, &x) in given.iter().zip(cells) {
         if x.is_nan() {
             continue;
@@ -142,43 +149,43 @@ const TAKES: &str = "fit foliar takes R and T with a wavelength in nm, such as R
                      leaf, wavelength_nm, R, T";
 
 /// Why a share of light can be no reading of a leaf, if so; noise may carry it a little beyond 0 and 1.
-fn impossible(column: &Column, value: f64) -> Option<String> {
+fn impossible(column: &SpectrumColumn, value: f64) -> Option<String> {
     (!(-0.1..=1.1).contains(&value)).then(|| format!("{} is {value}; expected 0 to 1", column.name))
 }
 
 /// What is asked of the columns of readings, their errors and the contents that are given.
-fn asked_of(columns: &[Column], given: &[Parameter], outputs: Vec<String>) -> Spec {
+fn asked_of(columns: &[SpectrumColumn], given: &[FoliarParameter], outputs: Vec<String>) -> BatchSpec {
     let readings: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let errors: Vec<String> = columns.iter().map(|c| c.error.clone()).collect();
     let contents: Vec<String> = given.iter().map(|p| p.column().to_string()).collect();
-    Spec {
+    BatchSpec {
         optional: [&readings[..], &errors, &contents].concat(),
         outputs,
         whole: vec!["minima".into()],
         texts: vec!["side".into()],
         readings: [&readings[..], &errors].concat(),
-        physical: vec![Physical::shares(readings), Physical::not_negative([errors, contents].concat())],
-        ..Spec::default()
+        physical: vec![PhysicalRange::shares(readings), PhysicalRange::not_negative([errors, contents].concat())],
+        ..BatchSpec::default()
     }
 }
 
 /// Whether the table has an error for each reading, or one was given for all.
-fn noise_is_stated(args: &Args, table: &Table, columns: &[Column]) -> bool {
+fn noise_is_stated(args: &Args, table: &InputTable, columns: &[SpectrumColumn]) -> bool {
     args.noise.is_some() || columns.iter().all(|c| table.column(&c.error).is_some())
 }
 
 /// One row for each leaf, one column for each reading. Also returns whether the noise is stated.
 fn wide(
     args: &Args,
-    common: &Common,
-    table: Table,
-    spectrum: &Spectrum,
-    setting: Setting,
-    given: &[Parameter],
-) -> Result<(Tally, bool)> {
+    common: &CommonArgs,
+    table: InputTable,
+    spectrum: &OpticalSpectrum,
+    setting: FoliarFitSetting,
+    given: &[FoliarParameter],
+) -> Result<(RowTally, bool)> {
     let found = spectra::wide(&table);
     let [low, high] = spectrum.range();
-    let (columns, outside): (Vec<Column>, Vec<Column>) =
+    let (columns, outside): (Vec<SpectrumColumn>, Vec<SpectrumColumn>) =
         found.readings.iter().cloned().partition(|c| (low..=high).contains(&c.wavelength));
     if found.readings.is_empty() {
         return Err(spectra::nothing(&table, &found, TAKES));
@@ -194,14 +201,14 @@ fn wide(
         }
     }
     let (name, file) = (table.name().to_path_buf(), table.name().display().to_string());
-    let model =
-        Model::new(spectrum, &lights, setting, &args.asked, args.noise).map_err(|what| Error::input(&name, what))?;
+    let model = FoliarFitModel::new(spectrum, &lights, setting, &args.asked, args.noise)
+        .map_err(|what| Error::input(&name, what))?;
     if !outside.is_empty() {
         let columns = counted(outside.len(), "column");
         progress::say(format!("{file}: {columns} outside {low} to {high} nm, the table of pigments, left out"));
     }
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
-    let shares = Shares::of(&table, &names, args.percent)?;
+    let shares = ReadingUnit::of(&table, &names, args.percent)?;
     let spec = asked_of(&columns, given, model.outputs());
     let front_only = table.column("side").is_none() && columns.iter().all(|c| !c.is_abaxial());
     let stated = noise_is_stated(args, &table, &columns);
@@ -209,13 +216,13 @@ fn wide(
     if front_only && !shares.refuses_all() {
         model.prepare(Side::Front);
     }
-    let (n, left) = (columns.len(), LeftOut::default());
+    let (n, left) = (columns.len(), Omissions::default());
     let tally = batch.run(|row, out| {
         if let Some(why) = shares.refuse(names.iter().map(String::as_str).zip(row.all().iter().copied())) {
-            return out.push(Answer::refused(why));
+            return out.push(OutputRow::refused(why));
         }
         let answer = side(row.text(0)).and_then(|lit| {
-            let mut readings: Vec<Reading> = Vec::new();
+            let mut readings: Vec<FoliarReading> = Vec::new();
             let mut bad: Vec<String> = row.faults().map(|(_, why)| why.to_string()).collect();
             for (k, c) in columns.iter().enumerate() {
                 let (value, err) = (shares.scale * row.get(k), shares.scale * row.get(n + k));
@@ -228,7 +235,7 @@ fn wide(
                     Some(why) => bad.push(why),
                     None => {
                         let light = lights.iter().position(|l| *l == light).unwrap_or(0);
-                        readings.push(Reading { light, through: c.through, value, err });
+                        readings.push(FoliarReading { light, through: c.through, value, err });
                     }
                 }
             }
@@ -239,7 +246,7 @@ fn wide(
             readings.sort_by_key(|r| r.light);
             Ok(model.fit(&readings, &known(given, &row.all()[2 * n..])?))
         });
-        out.push(answer.unwrap_or_else(Answer::refused));
+        out.push(answer.unwrap_or_else(OutputRow::refused));
     })?;
     left.say(&name);
     Ok((tally, stated))
@@ -248,14 +255,14 @@ fn wide(
 /// One row for each wavelength. Also returns whether the noise is stated.
 fn long(
     args: &Args,
-    common: &Common,
-    table: Table,
-    form: &Long,
-    spectrum: &Spectrum,
-    setting: Setting,
-    given: &[Parameter],
-) -> Result<(Tally, bool)> {
-    let Long { wavelength, unit_nm, readings: columns } = form;
+    common: &CommonArgs,
+    table: InputTable,
+    form: &LongSpectra,
+    spectrum: &OpticalSpectrum,
+    setting: FoliarFitSetting,
+    given: &[FoliarParameter],
+) -> Result<(RowTally, bool)> {
+    let LongSpectra { wavelength, unit_nm, readings: columns } = form;
     let name = table.name().to_path_buf();
     if columns.is_empty() {
         let found = spectra::wide(&table);
@@ -265,17 +272,17 @@ fn long(
         });
     }
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
-    let shares = Shares::of(&table, &names, args.percent)?;
+    let shares = ReadingUnit::of(&table, &names, args.percent)?;
     let stated = noise_is_stated(args, &table, columns);
     let mut spec = asked_of(columns, given, Vec::new());
     spec.required = vec![wavelength.clone()];
-    spec.physical.push(Physical::not_negative(spec.required.clone()));
+    spec.physical.push(PhysicalRange::not_negative(spec.required.clone()));
     let groups = spectra::leaves(table, &spec)?;
     let sink = groups.open(&args.io.rows(common.json))?;
     if let Some(folder) = &args.plots {
         atomic::probe_folder(folder)?;
     }
-    let light_of = |row: &GroupRow, c: &Column| {
+    let light_of = |row: &GroupRow, c: &SpectrumColumn| {
         let side = c.side.map_or_else(|| side(row.texts[0].as_deref()), Ok);
         side.map(|side| (spectra::in_nm(row.values[0], *unit_nm), side))
     };
@@ -287,20 +294,20 @@ fn long(
     lights.sort_by(|a, b| a.0.total_cmp(&b.0).then(key(*a).cmp(&key(*b))));
     lights.dedup();
     let places: HashMap<_, _> = lights.iter().enumerate().map(|(k, l)| (key(*l), k)).collect();
-    let model =
-        Model::new(spectrum, &lights, setting, &args.asked, args.noise).map_err(|what| Error::input(&name, what))?;
+    let model = FoliarFitModel::new(spectrum, &lights, setting, &args.asked, args.noise)
+        .map_err(|what| Error::input(&name, what))?;
     spec.outputs = model.outputs();
     if !shares.refuses_all() {
         [Side::Front, Side::Back].into_iter().for_each(|side| model.prepare(side));
     }
     let n = columns.len();
-    let drawn: Mutex<HashMap<String, Vec<Panel>>> = Mutex::default();
+    let drawn: Mutex<HashMap<String, Vec<SpectrumPanel>>> = Mutex::default();
     let tally = groups.run_into(sink, &spec, |leaf, rows, left| {
-        let mut readings: Vec<Reading> = Vec::new();
+        let mut readings: Vec<FoliarReading> = Vec::new();
         for row in rows {
             let cells = &row.values[1..];
             if let Some(why) = shares.refuse(names.iter().map(String::as_str).zip(cells.iter().copied())) {
-                return Answer::refused(format!("line {}: {why}", row.line));
+                return OutputRow::refused(format!("line {}: {why}", row.line));
             }
             for (k, c) in columns.iter().enumerate() {
                 let (value, err) = (shares.scale * cells[k], shares.scale * cells[n + k]);
@@ -312,7 +319,7 @@ fn long(
                     places.get(&key(light)).copied().ok_or_else(outside)
                 });
                 match place.and_then(|place| impossible(c, value).map_or(Ok(place), Err)) {
-                    Ok(light) => readings.push(Reading { light, through: c.through, value, err }),
+                    Ok(light) => readings.push(FoliarReading { light, through: c.through, value, err }),
                     Err(why) => left.add(row.line, why),
                 }
             }
@@ -320,7 +327,7 @@ fn long(
         readings.sort_by_key(|r| r.light);
         let known = match known(given, &rows[0].values[1 + 2 * n..]) {
             Ok(known) => known,
-            Err(why) => return Answer::refused(format!("line {}: {why}", rows[0].line)),
+            Err(why) => return OutputRow::refused(format!("line {}: {why}", rows[0].line)),
         };
         let answer = model.fit(&readings, &known);
         if args.plots.is_some() && !answer.values.is_empty() {
@@ -340,7 +347,13 @@ fn long(
 }
 
 /// R or T over wavelength, as measured and as computed for the fitted leaf.
-fn panel(leaf: &str, through: bool, readings: &[Reading], computed: &[f64], lights: &[(f64, Side)]) -> Panel {
+fn panel(
+    leaf: &str,
+    through: bool,
+    readings: &[FoliarReading],
+    computed: &[f64],
+    lights: &[(f64, Side)],
+) -> SpectrumPanel {
     let word = if through { "transmittance" } else { "reflectance" };
     let of = |value: &dyn Fn(usize) -> [f64; 2]| -> Vec<[f64; 3]> {
         let shown = readings.iter().enumerate().filter(|(_, r)| r.through == through);
@@ -348,9 +361,9 @@ fn panel(leaf: &str, through: bool, readings: &[Reading], computed: &[f64], ligh
     };
     let measured = of(&|k| [readings[k].value, readings[k].err]);
     let lines = vec![
-        Line { name: "measured".into(), points: measured, dots: true },
-        Line { name: "fitted".into(), points: of(&|k| [computed[k], f64::NAN]), dots: false },
+        SpectrumLine { name: "measured".into(), points: measured, dots: true },
+        SpectrumLine { name: "fitted".into(), points: of(&|k| [computed[k], f64::NAN]), dots: false },
     ];
     let across = spectrum::WAVELENGTH.into();
-    Panel { title: format!("{leaf}: {word}"), across, axis: word.into(), logarithmic: false, lines }
+    SpectrumPanel { title: format!("{leaf}: {word}"), across, axis: word.into(), logarithmic: false, lines }
 }

@@ -1,16 +1,16 @@
 //! `mesophyll fit gloss`: traces of a linear light source, or goniometer samples, from CSV.
 
-use crate::cli::named::{named, named_or};
-use crate::cli::{Common, batch, tables};
+use crate::cli::names::{named, named_or};
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use clap::builder::TypedValueParser;
 use mesophyll_capture::goniometer;
-use mesophyll_files::table::{self, BatchIo, LeftOut, Table, Tally};
-use mesophyll_fits::gloss::geometry::{Geometry, trace_columns};
-use mesophyll_fits::gloss::samples::{self, INDEX, Settings, Surface, Tilts};
-use mesophyll_fits::gloss::{Robust, TexelFit, TexelFitter};
+use mesophyll_files::table::{self, BatchIo, InputTable, Omissions, RowTally};
+use mesophyll_fits::gloss::geometry::{GlossGeometry, trace_columns};
+use mesophyll_fits::gloss::samples::{self, GlossFitSettings, INDEX, LobeChoice, TiltChoice};
+use mesophyll_fits::gloss::{GlossTexelFit, GlossTexelFitter, RobustWeighting};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
-use mesophyll_optics::tube::Precision;
+use mesophyll_optics::tube::TubePrecision;
 use std::cell::RefCell;
 use std::path::PathBuf;
 
@@ -31,14 +31,14 @@ pub struct Args {
     values: Vec<String>,
     /// Surface. Where none is named, it is beckmann, and the status says where another one describes a leaf far better
     #[arg(long, value_name = "LOBE", value_parser = lobe_or_auto())]
-    lobe: Option<Surface>,
+    lobe: Option<LobeChoice>,
     /// Refractive index of a surface with Fresnel reflectance [default: 1.45]. With --samples also `fit`: it is fitted,
     /// between 1.2 and 1.7
     #[arg(long, value_name = "N|fit", value_parser = index)]
     index: Option<Index>,
     /// With --samples: which tilts of the normal are fitted [default: free]
-    #[arg(long, value_parser = named::<Tilts>(), requires = "samples")]
-    tilt: Option<Tilts>,
+    #[arg(long, value_parser = named::<TiltChoice>(), requires = "samples")]
+    tilt: Option<TiltChoice>,
     /// With --samples: the view azimuth, counted from the source's, at which the mirror side lies [default: 180].
     /// Where it is stated, leaves that seem to lean far are believed
     #[arg(long, value_name = "0|180", value_parser = mirror, requires = "samples")]
@@ -50,8 +50,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=256))]
     quadrature: u16,
     /// Rejection of outliers. auto: only where the stated noise does not explain the residuals; off: never; on: always
-    #[arg(long, value_parser = named::<Robust>(), default_value_t = Robust::Auto)]
-    robust: Robust,
+    #[arg(long, value_parser = named::<RobustWeighting>(), default_value_t = RobustWeighting::Auto)]
+    robust: RobustWeighting,
     #[command(flatten)]
     io: BatchIo,
 }
@@ -76,8 +76,8 @@ fn index(text: &str) -> std::result::Result<Index, String> {
         .ok_or_else(|| "expected more than 1 and less than 4, or fit".to_string())
 }
 
-fn lobe_or_auto() -> impl TypedValueParser<Value = Surface> {
-    named_or::<LobeKind>("auto", AUTO).map(|kind| kind.map_or(Surface::Auto, Surface::Of))
+fn lobe_or_auto() -> impl TypedValueParser<Value = LobeChoice> {
+    named_or::<LobeKind>("auto", AUTO).map(|kind| kind.map_or(LobeChoice::Auto, LobeChoice::Of))
 }
 
 fn mirror(text: &str) -> std::result::Result<u16, String> {
@@ -108,9 +108,9 @@ impl LobeArgs {
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let (tally, row) = match &args.geometry {
-        Some(path) => (traces(args, common, &Geometry::read(path)?, args.one_lobe()?)?, "row"),
+        Some(path) => (traces(args, common, &GlossGeometry::read(path)?, args.one_lobe()?)?, "row"),
         None => {
             let settings = args.settings()?;
             let (table, values) = directions(args)?;
@@ -125,9 +125,9 @@ impl Args {
     /// The lobe of traces, which is one for all.
     fn one_lobe(&self) -> Result<Lobe> {
         let kind = match self.lobe.unwrap_or_default() {
-            Surface::Auto => return Err(Error::Usage("--lobe auto: only --samples has it".into())),
-            Surface::Usual => LobeKind::default(),
-            Surface::Of(kind) => kind,
+            LobeChoice::Auto => return Err(Error::Usage("--lobe auto: only --samples has it".into())),
+            LobeChoice::Usual => LobeKind::default(),
+            LobeChoice::Of(kind) => kind,
         };
         match self.index {
             Some(Index::Fit) => Err(Error::Usage("--index fit: only --samples has it".into())),
@@ -137,12 +137,12 @@ impl Args {
     }
 
     /// How goniometer samples are fitted.
-    fn settings(&self) -> Result<Settings> {
+    fn settings(&self) -> Result<GlossFitSettings> {
         let surface = self.lobe.unwrap_or_default();
         let without = match surface {
-            Surface::Of(kind) => (!kind.has_index() && self.index.is_some()).then_some(kind),
-            Surface::Usual => (self.index == Some(Index::Fit)).then(LobeKind::default),
-            Surface::Auto => None,
+            LobeChoice::Of(kind) => (!kind.has_index() && self.index.is_some()).then_some(kind),
+            LobeChoice::Usual => (self.index == Some(Index::Fit)).then(LobeKind::default),
+            LobeChoice::Auto => None,
         };
         if let Some(lobe) = without {
             return Err(Error::Usage(format!(
@@ -155,7 +155,7 @@ impl Args {
             Some(Index::Of(index)) => Some(index),
             None => Some(INDEX),
         };
-        Ok(Settings {
+        Ok(GlossFitSettings {
             surface,
             index,
             tilts: self.tilt.unwrap_or_default(),
@@ -166,46 +166,46 @@ impl Args {
 }
 
 /// Goniometer samples from a table or from a file of a public database, and the columns that are fitted.
-fn directions(args: &Args) -> Result<(Table, Vec<String>)> {
+fn directions(args: &Args) -> Result<(InputTable, Vec<String>)> {
     let path = &args.io.input;
     if !goniometer::is_goniometer(path) {
-        return Ok((Table::open(path)?, args.values.clone()));
+        return Ok((InputTable::open(path)?, args.values.clone()));
     }
-    let readings = goniometer::Readings::read(path)?;
+    let readings = goniometer::GoniometerReadings::read(path)?;
     let leaf = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let csv = std::io::Cursor::new(readings.csv(&leaf).into_bytes());
     let values = if args.values.is_empty() { readings.chosen } else { args.values.clone() };
-    Ok((Table::from_reader(Box::new(csv), path.clone())?, values))
+    Ok((InputTable::from_reader(Box::new(csv), path.clone())?, values))
 }
 
-fn traces(args: &Args, common: &Common, geometry: &Geometry, lobe: Lobe) -> Result<Tally> {
-    let table = Table::open(&args.io.input)?;
+fn traces(args: &Args, common: &CommonArgs, geometry: &GlossGeometry, lobe: Lobe) -> Result<RowTally> {
+    let table = InputTable::open(&args.io.input)?;
     let frames = geometry.frames_u().len();
     let columns = trace_columns(&table, frames)?;
     let channels = columns.len();
-    let mut fitter = TexelFitter::with_precision(
+    let mut fitter = GlossTexelFitter::with_precision(
         &geometry.device(lobe),
         &geometry.positions_mm(),
         None,
-        &Precision { along: args.quadrature.into(), ..Precision::default() },
+        &TubePrecision { along: args.quadrature.into(), ..TubePrecision::default() },
     );
     fitter.robust = args.robust;
     let columns: Vec<String> = columns.concat();
-    let spec = table::Spec {
+    let spec = table::BatchSpec {
         // An empty cell is no reading.
         optional: columns.clone(),
         readings: columns.clone(),
         // The status of an earlier step (`eval gloss`) is replaced by that of this one.
         dropped: columns.into_iter().chain(["status".into()]).collect(),
-        outputs: TexelFit::outputs(channels),
-        ..table::Spec::default()
+        outputs: GlossTexelFit::outputs(channels),
+        ..table::BatchSpec::default()
     };
-    let (name, left) = (table.name().to_path_buf(), LeftOut::default());
+    let (name, left) = (table.name().to_path_buf(), Omissions::default());
     let tally = table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         row.faults().for_each(|(_, why)| left.add(row.line(), why));
         let value = |c: usize, k: usize| if c < channels { row.get(c * frames + k) as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
-        thread_local!(static SCRATCH: RefCell<mesophyll_fits::gloss::Workspace> = RefCell::default());
+        thread_local!(static SCRATCH: RefCell<mesophyll_fits::gloss::GlossFitWorkspace> = RefCell::default());
         let (fit, found) = SCRATCH.with_borrow_mut(|ws| {
             let fit = fitter.fit(ws, [0.0; 2], &trace, None);
             let found = fitter.judge(ws, &trace, &fit);

@@ -1,6 +1,6 @@
 //! `mesophyll fit grass MEADOW -o DIR`.
 
-use crate::cli::{Common, Error, Result, place};
+use crate::cli::{CommonArgs, Error, Result, destination};
 use mesophyll_fits::grass::judge::ELEVATIONS;
 use mesophyll_fits::grass::{Options, run as fit};
 use mesophyll_fits::record::FitRecord;
@@ -21,7 +21,7 @@ pub struct Args {
     #[arg(value_name = "MEADOW")]
     meadow: PathBuf,
     /// Folder to write
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
     /// Slices across x, and as many across y
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=128))]
@@ -53,7 +53,7 @@ fn texels(text: &str) -> std::result::Result<[usize; 2], String> {
         .ok_or_else(|| "expected two powers of two from 4 to 1024, such as 256x64".into())
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let known = |e: &std::ffi::OsStr| ["toml", "glb"].iter().any(|k| e.eq_ignore_ascii_case(k));
     if !args.meadow.extension().is_some_and(known) {
         let found = args.meadow.display();

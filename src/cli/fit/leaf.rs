@@ -1,17 +1,17 @@
 //! `mesophyll fit leaf CAPTURE -o DIR`, for scans under a tube, captures under a dome, and photographs.
 
 use super::gloss::LobeArgs;
-use crate::cli::named::named;
-use crate::cli::{Common, place, print, print_json};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, destination, print, print_json};
 use crate::cli::{Error, Result};
-use mesophyll_capture::kind::Kind;
+use mesophyll_capture::kind::CaptureKind;
 use mesophyll_fits::dome;
-use mesophyll_fits::leaf::held_out::HoldOut;
-use mesophyll_fits::leaf::texels::Shard;
-use mesophyll_fits::leaf::{Method, Options, run as fit};
+use mesophyll_fits::leaf::held_out::HoldOutRule;
+use mesophyll_fits::leaf::texels::FitShard;
+use mesophyll_fits::leaf::{LeafFitMethod, Options, run as fit};
 use mesophyll_fits::photo;
 use mesophyll_fits::record::FitRecord;
-use mesophyll_fits::record::maker::Outcome;
+use mesophyll_fits::record::maker::FitOutcome;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -28,11 +28,11 @@ pub struct Args {
     /// Folder with capture.toml
     capture: PathBuf,
     /// Folder to write the fit to
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
     /// How ρd and ρt become σa, σs, δ and γ
-    #[arg(long, value_parser = named::<Method>(), default_value_t = Method::Exact)]
-    method: Method,
+    #[arg(long, value_parser = named::<LeafFitMethod>(), default_value_t = LeafFitMethod::Exact)]
+    method: LeafFitMethod,
     #[command(flatten)]
     lobe: LobeArgs,
     /// Give all texels full weight, however badly they fit
@@ -46,7 +46,7 @@ pub struct Args {
     hold_out_seed: Option<u64>,
     /// Fit only the I-th of N parts of the texels (1-based), for several processes or machines
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
-    shard: Option<Shard>,
+    shard: Option<FitShard>,
     /// Put the parts of all shards together
     #[arg(long, conflicts_with = "shard")]
     merge: bool,
@@ -62,10 +62,10 @@ pub struct Args {
     force: bool,
 }
 
-fn parse_shard(text: &str) -> std::result::Result<Shard, String> {
+fn parse_shard(text: &str) -> std::result::Result<FitShard, String> {
     let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse::<usize>().ok()?, n.parse::<usize>().ok()?)));
     match parsed {
-        Some((i, n)) if i >= 1 && i <= n => Ok(Shard { index: i - 1, count: n }),
+        Some((i, n)) if i >= 1 && i <= n => Ok(FitShard { index: i - 1, count: n }),
         _ => Err("expected I/N with 1 ≤ I ≤ N, such as 2/4".into()),
     }
 }
@@ -82,7 +82,7 @@ fn parse_hold_out(text: &str) -> std::result::Result<usize, String> {
 /// apply.
 fn without_tube(args: &Args, what: &str) -> Result<()> {
     let held_out = args.hold_out.is_some() || args.hold_out_seed.is_some();
-    if args.shard.is_some() || args.merge || args.no_robust || held_out || matches!(args.method, Method::Paper) {
+    if args.shard.is_some() || args.merge || args.no_robust || held_out || matches!(args.method, LeafFitMethod::Paper) {
         return Err(Error::Usage(format!(
             "{}: {what} no traces to fit and no frames to leave out; --shard, --merge, --no-robust, --hold-out and \
              --method paper are for scans under a tube",
@@ -92,7 +92,7 @@ fn without_tube(args: &Args, what: &str) -> Result<()> {
     Ok(())
 }
 
-fn from_photographs(args: &Args) -> Result<Outcome> {
+fn from_photographs(args: &Args) -> Result<FitOutcome> {
     without_tube(args, "photographs have")?;
     if args.gloss.is_some() {
         return Err(Error::Usage(
@@ -102,7 +102,7 @@ fn from_photographs(args: &Args) -> Result<Outcome> {
     photo::run(&args.capture, &args.output, args.force)
 }
 
-fn from_dome(args: &Args) -> Result<Outcome> {
+fn from_dome(args: &Args) -> Result<FitOutcome> {
     without_tube(args, "a capture under a dome has")?;
     let gloss = match args.gloss.as_deref() {
         None => None,
@@ -116,7 +116,7 @@ fn from_dome(args: &Args) -> Result<Outcome> {
     dome::run(&args.capture, &args.output, &dome::Options { gloss, force: args.force })
 }
 
-fn from_tube(args: &Args) -> Result<Outcome> {
+fn from_tube(args: &Args) -> Result<FitOutcome> {
     if args.gloss.is_some() {
         return Err(Error::Usage("--gloss is for captures under a dome; a scan under a tube shows its gloss".into()));
     }
@@ -124,9 +124,9 @@ fn from_tube(args: &Args) -> Result<Outcome> {
         method: args.method,
         lobe: args.lobe.lobe()?,
         robust: !args.no_robust,
-        hold_out: HoldOut {
-            every: args.hold_out.unwrap_or(HoldOut::default().every),
-            seed: args.hold_out_seed.unwrap_or(HoldOut::default().seed),
+        hold_out: HoldOutRule {
+            every: args.hold_out.unwrap_or(HoldOutRule::default().every),
+            seed: args.hold_out_seed.unwrap_or(HoldOutRule::default().seed),
         },
         shard: args.shard,
         merge: args.merge,
@@ -135,10 +135,10 @@ fn from_tube(args: &Args) -> Result<Outcome> {
     fit(&args.capture, &args.output, &options)
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let outcome = match Kind::of(&args.capture) {
-        Ok(Some(Kind::Dome)) => from_dome(args)?,
-        Ok(Some(Kind::Photo)) => from_photographs(args)?,
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    let outcome = match CaptureKind::of(&args.capture) {
+        Ok(Some(CaptureKind::Dome)) => from_dome(args)?,
+        Ok(Some(CaptureKind::Photo)) => from_photographs(args)?,
         _ => from_tube(args)?,
     };
     let Some(record) = super::ended(outcome, &args.output) else { return Ok(0) };

@@ -1,12 +1,12 @@
 //! `mesophyll fit …`: one file a fit. The list is [`crate::cli::models::MODELS`].
 
-use super::Common;
-use crate::cli::models::{Chosen, Model, Offers, Verb};
+use super::CommonArgs;
+use crate::cli::models::{ModelEntry, ModelVerb, VerbCatalogue, VerbChoice};
 use crate::cli::{Error, Result};
 use mesophyll_files::progress::say;
 use mesophyll_fits::record::FitRecord;
-use mesophyll_fits::record::maker::Outcome;
-use mesophyll_report::{self as report, Level};
+use mesophyll_fits::record::maker::FitOutcome;
+use mesophyll_report::{self as report, QualityLevel};
 use std::path::Path;
 
 pub mod beam;
@@ -28,40 +28,40 @@ pub mod translucency;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    what: Chosen<Fits>,
+    what: VerbChoice<Fits>,
 }
 
 /// The models that can be fitted.
 #[derive(Debug, Clone)]
 enum Fits {}
 
-impl Offers for Fits {
-    fn verb(model: &Model) -> Option<Verb> {
+impl VerbCatalogue for Fits {
+    fn verb(model: &ModelEntry) -> Option<ModelVerb> {
         model.fit
     }
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     args.what.run(common)
 }
 
 /// Says how the fit of the folder `out` ended, and returns its record; a shard has none.
-fn ended(outcome: Outcome, out: &Path) -> Option<Box<FitRecord>> {
+fn ended(outcome: FitOutcome, out: &Path) -> Option<Box<FitRecord>> {
     let out = out.display();
     match outcome {
-        Outcome::Done(record) => {
+        FitOutcome::Done(record) => {
             say(format!("fit written to {out}"));
             Some(record)
         }
-        Outcome::UpToDate(record) => {
+        FitOutcome::UpToDate(record) => {
             say(format!("{out} already holds this fit; --force fits again"));
             Some(record)
         }
-        Outcome::ShardDone { missing: 0 } => {
+        FitOutcome::ShardDone { missing: 0 } => {
             say(format!("shard done; all parts are there: run with --merge to finish {out}"));
             None
         }
-        Outcome::ShardDone { missing } => {
+        FitOutcome::ShardDone { missing } => {
             say(format!("shard done; {missing} parts of other shards are missing, then run with --merge"));
             None
         }
@@ -69,7 +69,7 @@ fn ended(outcome: Outcome, out: &Path) -> Option<Box<FitRecord>> {
 }
 
 /// Says how the fit of the folder `out` ended, and prints its record: as JSON, or by `summary`.
-fn told(outcome: Outcome, out: &Path, common: &Common, summary: impl Fn(&FitRecord) -> String) -> Result<u8> {
+fn told(outcome: FitOutcome, out: &Path, common: &CommonArgs, summary: impl Fn(&FitRecord) -> String) -> Result<u8> {
     if let Some(record) = ended(outcome, out) {
         // A summary may print a warning, so it is always made.
         let text = summary(&record);
@@ -93,7 +93,7 @@ fn judged(out: &Path) -> Result<u8> {
     if verdict.missed {
         return Err(Error::Missed(format!("{}: {}", out.display(), verdict.sentence)));
     }
-    if verdict.level != Level::Good {
+    if verdict.level != QualityLevel::Good {
         say(verdict.sentence);
     }
     Ok(0)

@@ -1,12 +1,12 @@
 //! `mesophyll fit motion`: resonance, damping and gain from measured deflections over time.
 
-use crate::cli::named::named;
-use crate::cli::{Common, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, tables};
 use crate::cli::{Error, Result};
 use mesophyll_base::error::Status;
 use mesophyll_files::progress::say;
-use mesophyll_files::table::{BatchIo, Sink, Table, push_number, push_text};
-use mesophyll_fits::branch::motion::{self, Kind, Known, Motion, Value};
+use mesophyll_files::table::{BatchIo, InputTable, TableSink, push_number, push_text};
+use mesophyll_fits::branch::motion::{self, MotionEstimate, MotionFit, MotionKind, MotionPrior};
 
 /// CSV columns `time_s,u_mm` and optionally `v_mm` (deflections of a branch's tip, read at a steady rate, in one
 /// direction or in two) → one row: resonance and damping with standard errors, of a branch in gusts (with its gain, by
@@ -18,8 +18,8 @@ pub struct Args {
     #[command(flatten)]
     io: BatchIo,
     /// What the record shows
-    #[arg(long, value_parser = named::<Kind>(), default_value_t = Kind::Auto)]
-    kind: Kind,
+    #[arg(long, value_parser = named::<MotionKind>(), default_value_t = MotionKind::Auto)]
+    kind: MotionKind,
     /// How often the branch was read (Hz); the times then only say which readings are missing. Default: from the times
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
@@ -64,7 +64,7 @@ const COLUMNS: [&str; 21] = [
     "status",
 ];
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let positive = |name: &str, value: Option<f64>, least: bool| match value {
         Some(v) if !(v.is_finite() && (v > 0.0 || (least && v == 0.0))) => {
             Err(Error::argument(name, v, if least { "0 or more" } else { "a number above 0" }))
@@ -77,16 +77,16 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     positive("--lowest", args.lowest, true)?;
     positive("--highest", args.highest, false)?;
     positive("--rate", args.rate, false)?;
-    let reading = motion::read::read(Table::open(&args.io.input)?, args.rate)?;
+    let reading = motion::reader::read(InputTable::open(&args.io.input)?, args.rate)?;
     let record = reading.record;
-    let known = Known {
+    let known = MotionPrior {
         kind: args.kind,
         speed: args.speed,
         turbulence: args.turbulence,
         noise: args.noise,
         band: [args.lowest, args.highest],
     };
-    let mut sink = Sink::open(&args.io.rows(common.json), &args.io.input)?;
+    let mut sink = TableSink::open(&args.io.rows(common.json), &args.io.input)?;
     let found = motion::fit(&record, &known);
     sink.write_all(format!("{}\n", COLUMNS.join(",")).as_bytes())?;
     let (cells, kind, mut taken_out, status) = match &found {
@@ -120,23 +120,23 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 }
 
 /// What a motion was taken for, and why.
-fn said(motion: &Motion) -> String {
+fn said(motion: &MotionFit) -> String {
     let kind = match motion.kind {
-        Kind::FreeDecay => "a free decay",
+        MotionKind::FreeDecay => "a free decay",
         _ => "a motion in gusts",
     };
     format!("{kind} ({})", motion.why)
 }
 
-fn cells(m: &Motion, known: &Known) -> Vec<f64> {
-    let none = Value { value: f64::NAN, error: f64::NAN };
+fn cells(m: &MotionFit, known: &MotionPrior) -> Vec<f64> {
+    let none = MotionEstimate { value: f64::NAN, error: f64::NAN };
     let gain = |c: usize| m.gains.get(c).copied().unwrap_or(none);
     // The density of gusts at low frequencies is (turbulence · v)²/(1.5 v) (H9 Eq. 4.15).
     let gusts = match (known.speed, known.turbulence) {
         (Some(speed), Some(turbulence)) => (turbulence * turbulence * speed / 1.5).sqrt(),
         _ => f64::NAN,
     };
-    let a_speed = |v: Value| Value { value: v.value / gusts, error: v.error / gusts };
+    let a_speed = |v: MotionEstimate| MotionEstimate { value: v.value / gusts, error: v.error / gusts };
     let values = [m.resonance, m.damping, m.ratio, gain(0), gain(1), a_speed(gain(0)), a_speed(gain(1)), m.slowness];
     let mut out: Vec<f64> = values.iter().map(|v| v.value).collect();
     out.extend(values.iter().map(|v| v.error));

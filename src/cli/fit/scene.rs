@@ -1,12 +1,12 @@
 //! `mesophyll fit scene SCENE -o DIR`.
 
 use crate::cli::Result;
-use crate::cli::{Common, place};
+use crate::cli::{CommonArgs, destination};
 use mesophyll_fit_scene::{Options, summary};
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::fits::missing::input_hash;
-use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::fits::maker::input_hash;
+use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
 use std::path::PathBuf;
 
@@ -42,10 +42,10 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder to write
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
     /// Folder of an earlier run, whose fits of the scene's leaves are used
-    #[arg(long, value_name = "DIR", value_parser = place::folder())]
+    #[arg(long, value_name = "DIR", value_parser = destination::folder())]
     run: Option<PathBuf>,
     /// Most paths a pixel of a step's pictures; fewer are followed where the measurement is coarser
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=65_536))]
@@ -58,12 +58,12 @@ pub struct Args {
     force: bool,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let manifest = Manifest::read(&args.scene)?;
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    let manifest = SceneManifest::read(&args.scene)?;
     manifest.require_pictures()?;
     let ledger = Ledger::new();
-    let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
-    let scene = Scene::open(manifest, search, &ledger)?;
+    let search = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
+    let scene = LoadedScene::open(manifest, search, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     let options = Options { samples: args.samples, seed: args.seed, force: args.force };
     let outcome = mesophyll_fit_scene::run(&scene, &args.output, &options, &ledger)?;

@@ -1,12 +1,12 @@
 //! `mesophyll fit sky`: polynomials of a sky's spherical harmonics over sun and turbidity, or the sun and turbidity of
 //! a panorama, as a fit folder.
 
-use crate::cli::named::named;
-use crate::cli::{Common, place, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, destination, tables};
 use crate::cli::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_fits::sky::panorama::{self, picture::Channels, projection::ProjectionKind};
-use mesophyll_fits::sky::{self as fits, Method, Options, folder};
+use mesophyll_fits::sky::panorama::{self, picture::PanoramaChannels, projection::PanoramaProjectionKind};
+use mesophyll_fits::sky::{self as fits, Options, SkyFitMethod, folder};
 use mesophyll_sky::SkyModel;
 use std::path::{Path, PathBuf};
 
@@ -37,11 +37,11 @@ const EXAMPLES: &str = "Examples:
 #[command(after_help = EXAMPLES, after_long_help = format!("{EXAMPLES}\n\n{}", tables::help("fit sky")))]
 pub struct Args {
     /// Folder to write
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
     /// Polynomials and how they are found; fine: 1e-5 in 42 kB at 7 bands, compact: 1e-4 in 27 kB
-    #[arg(long, value_parser = named::<Method>(), default_value_t = Method::Fine)]
-    method: Method,
+    #[arg(long, value_parser = named::<SkyFitMethod>(), default_value_t = SkyFitMethod::Fine)]
+    method: SkyFitMethod,
     /// Bands N: l < N
     #[arg(long, value_name = "N", default_value_t = 7,
         value_parser = clap::value_parser!(u16).range(1..=fits::MOST_BANDS as i64))]
@@ -63,9 +63,9 @@ pub struct Args {
         conflicts_with_all = ["method", "bands", "turbidity", "grid", "model", "albedo"])]
     panorama: Option<PathBuf>,
     /// With --panorama: how pixels map to directions
-    #[arg(long, value_parser = named::<ProjectionKind>(), default_value_t = ProjectionKind::Equirectangular,
+    #[arg(long, value_parser = named::<PanoramaProjectionKind>(), default_value_t = PanoramaProjectionKind::Equirectangular,
         requires = "panorama")]
-    projection: ProjectionKind,
+    projection: PanoramaProjectionKind,
     /// With --projection fisheye: the whole angle across the circle
     #[arg(long, value_name = "DEG", default_value_t = 180.0, requires = "panorama")]
     field_deg: f64,
@@ -84,7 +84,7 @@ pub struct Args {
     noise: Option<f64>,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if let Some(path) = &args.panorama {
         return from_panorama(args, path, common);
     }
@@ -128,15 +128,19 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     super::judged(&args.output)
 }
 
-fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
+fn from_panorama(args: &Args, path: &Path, common: &CommonArgs) -> Result<u8> {
     let told = panorama::record::Options {
         projection: args.projection,
         field_deg: args.field_deg,
-        channels: Channels { radiance: args.channels.clone(), mask: args.mask.clone(), saturation: args.saturation },
+        channels: PanoramaChannels {
+            radiance: args.channels.clone(),
+            mask: args.mask.clone(),
+            saturation: args.saturation,
+        },
         noise: args.noise,
     };
     let found = panorama::record::make(path, &args.output, &told)?;
-    let shown = |k: panorama::Known, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
+    let shown = |k: panorama::PanoramaEstimate, unit: f64| format!("{:.4} ± {:.4}", k.value * unit, k.error * unit);
     let degrees = 180.0 / std::f64::consts::PI;
     progress::say(format!(
         "sun {} from the zenith, azimuth {} (degrees), taken from the {}; turbidity {}; scale {}; residuals {:.2} % of \
@@ -153,7 +157,7 @@ fn from_panorama(args: &Args, path: &Path, common: &Common) -> Result<u8> {
     ));
     if common.json {
         let number = |v: f64| v.is_finite().then_some(v);
-        let known = |k: panorama::Known, unit: f64| {
+        let known = |k: panorama::PanoramaEstimate, unit: f64| {
             let [value, stderr] = [k.value * unit, k.error * unit];
             serde_json::json!({"value": value, "stderr": number(stderr)})
         };

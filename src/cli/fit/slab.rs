@@ -1,18 +1,18 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
 use super::slab_pictures;
-use super::spectra::{self, LEAF, Shares};
+use super::spectra::{self, LEAF, ReadingUnit};
 use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
-use crate::cli::named::named;
-use crate::cli::{Common, batch, tables};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use mesophyll_files::table::{Answer, Batch, BatchIo, Physical, Spec, Status, Table, counted};
-use mesophyll_files::unit::Unit;
+use mesophyll_files::table::{Batch, BatchIo, BatchSpec, InputTable, OutputRow, PhysicalRange, Status, counted};
+use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::{atomic, progress};
-use mesophyll_fits::slab::{self, Known, Measured, Options, Specular};
+use mesophyll_fits::slab::{self, CoefficientPrior, Options, SlabMeasurement, SpecularPart};
 use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
-use mesophyll_optics::slab::inverse::{Coefficient, MORE_THAN_ALL, Model, Precision};
+use mesophyll_optics::slab::inverse::{InversionPrecision, MORE_THAN_ALL, SlabCoefficient, SlabModel};
 use mesophyll_report::spectrum;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -43,14 +43,14 @@ pub struct Args {
     #[arg(long, value_name = "S")]
     noise: Option<f64>,
     /// fast: better than 1e-6 where determined; exact: nine digits
-    #[arg(long, value_parser = named::<Precision>(), default_value_t = Precision::Fast)]
-    method: Precision,
+    #[arg(long, value_parser = named::<InversionPrecision>(), default_value_t = InversionPrecision::Fast)]
+    method: InversionPrecision,
     /// Names of the input columns, as `rho_d=reflectance_550,rho_t=transmittance_550,h=thickness_mm`
     #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     columns: Vec<String>,
     /// Unit of the thickness column (default: what its name ends in, `_um`, `_mm` or `_m`; a column `h` is in mm)
-    #[arg(long, value_parser = PossibleValuesParser::new(UNITS).try_map(|name| name.parse::<Unit>()))]
-    thickness_unit: Option<Unit>,
+    #[arg(long, value_parser = PossibleValuesParser::new(UNITS).try_map(|name| name.parse::<LengthUnit>()))]
+    thickness_unit: Option<LengthUnit>,
     /// Reflectance of the surface itself (gloss), taken off rho_d before the fit: light that never entered the leaf,
     /// some 0.03 to 0.05 where the instrument kept the mirror reflection
     #[arg(long, value_name = "R0", default_value_t = 0.0)]
@@ -64,8 +64,8 @@ pub struct Args {
     index: f64,
     /// With --index: whether rho_d has the mirror reflection of the faces. included: all that is reflected, as in an
     /// integrating sphere with its port closed; excluded: the mirror reflection left through an open port
-    #[arg(long, value_parser = named::<Specular>(), default_value_t = Specular::Included)]
-    specular: Specular,
+    #[arg(long, value_parser = named::<SpecularPart>(), default_value_t = SpecularPart::Included)]
+    specular: SpecularPart,
     /// Take thicknesses that no leaf has (below 0.01 mm or above 10 mm) and coefficients above 1000/mm for right: the
     /// slab is something else
     #[arg(long)]
@@ -110,7 +110,7 @@ const ALSO: [&[&str]; 9] = [
     &[],
 ];
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
         return Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more")));
     }
@@ -125,7 +125,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
             "--surface and --index both account for what the surface reflects; expected one of them".into(),
         ));
     }
-    if args.index == 1.0 && args.specular == Specular::Excluded {
+    if args.index == 1.0 && args.specular == SpecularPart::Excluded {
         return Err(Error::Usage("--specular excluded needs --index: at index 1 the faces reflect nothing".into()));
     }
     let table = spectra::open(&args.io.input)?;
@@ -158,10 +158,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     }
     let leaf = LEAF.into_iter().find(|name| table.column(name).is_some()).unwrap_or(LEAF[0]);
     let (wavelength, unit_nm) = spectra::wavelength(&table)?.unwrap_or((WAVELENGTH.into(), 1.0));
-    let mut spec = Spec {
+    let mut spec = BatchSpec {
         texts: vec![leaf.into()],
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
-        ..Spec::default()
+        ..BatchSpec::default()
     };
     if wide.is_empty() {
         // With one coefficient known, one of rho_d and rho_t is enough, in the whole table or in a row.
@@ -196,10 +196,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let readings: Vec<String> = names[..2].iter().cloned().chain(of_wide(0..2)).collect();
     let errors = names[3..5].iter().cloned().chain(of_wide(2..4));
     spec.physical = vec![
-        Physical::shares(readings.clone()),
-        Physical::not_negative(errors.chain([names[2].clone(), wavelength.clone()]).collect()),
+        PhysicalRange::shares(readings.clone()),
+        PhysicalRange::not_negative(errors.chain([names[2].clone(), wavelength.clone()]).collect()),
     ];
-    let shares = Shares::of(&table, &readings, args.percent)?;
+    let shares = ReadingUnit::of(&table, &readings, args.percent)?;
     if let Some(folder) = &args.plots {
         table.require(leaf)?;
         if wide.is_empty() {
@@ -210,7 +210,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let found: Mutex<Vec<(usize, String, f64, Vec<f64>)>> = Mutex::default();
     let column = names[2].clone();
     let unit = thickness_unit(&column, args.thickness_unit)?;
-    let scale = unit.unwrap_or(Unit::Millimetre).mm();
+    let scale = unit.unwrap_or(LengthUnit::Millimetre).mm();
     // A column `h` is a plain number in mm, of any slab; a column that names its unit is a leaf's.
     let leaf_like = !(args.any_thickness || column == "h" && args.thickness_unit.is_none());
     // Where no column has errors, every row with an answer is without. A counter that all threads write costs time.
@@ -222,8 +222,8 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
     let (without_errors, more_than_all) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
     say_assumptions(args);
-    let reflecting = (args.index != 1.0).then(|| Model::of_index(args.index));
-    let model = reflecting.as_ref().unwrap_or(Model::matched());
+    let reflecting = (args.index != 1.0).then(|| SlabModel::of_index(args.index));
+    let model = reflecting.as_ref().unwrap_or(SlabModel::matched());
     let options =
         Options { precision: args.method, noise: args.noise, surface: args.surface, model, specular: args.specular };
     let tally = batch.run(|row, out| {
@@ -231,15 +231,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         let place = |k: usize| if some_known && k < 3 { [1, 2, 0][k] } else { k };
         let thickness = row.get(if wide.is_empty() { place(2) } else { 0 });
         if unit.is_none() && thickness > 0.0 && !(LEAVES_MM[0]..=LEAVES_MM[1]).contains(&thickness) {
-            out.push(Answer::refused(not_in_mm(&column, thickness)));
+            out.push(OutputRow::refused(not_in_mm(&column, thickness)));
             return;
         }
-        let fitted = |wavelength: f64, cells: [f64; 4], columns: &[String], known: Option<Known>| {
+        let fitted = |wavelength: f64, cells: [f64; 4], columns: &[String], known: Option<CoefficientPrior>| {
             if let Some(why) = shares.refuse_each(columns.iter().map(String::as_str).zip(cells).take(2)) {
-                return Answer::refused(why);
+                return OutputRow::refused(why);
             }
             let [rho_d, rho_t, rho_d_err, rho_t_err] = cells.map(|v| v * shares.scale);
-            let m = Measured { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err, known };
+            let m = SlabMeasurement { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err, known };
             let mut answer = slab::answer(&options, &m);
             if matches!(&answer.status, Status::Refused(why) if why.starts_with(MORE_THAN_ALL)) {
                 more_than_all.fetch_add(1, Ordering::Relaxed);
@@ -262,15 +262,21 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         if wide.is_empty() {
             let wavelength =
                 if args.plots.is_some() { spectra::in_nm(row.get(INPUTS.len()), unit_nm) } else { f64::NAN };
-            let of = |coefficient: Coefficient, k: usize| Known { coefficient, sigma: row.get(k), err: row.get(k + 2) };
-            let given = [of(Coefficient::Absorption, 5), of(Coefficient::Scattering, 6)];
+            let of = |coefficient: SlabCoefficient, k: usize| CoefficientPrior {
+                coefficient,
+                sigma: row.get(k),
+                err: row.get(k + 2),
+            };
+            let given = [of(SlabCoefficient::Absorption, 5), of(SlabCoefficient::Scattering, 6)];
             out.push(match given.map(|g| !g.sigma.is_nan()) {
-                [true, true] => Answer::refused(format!("{} and {} are both given; expected one", names[5], names[6])),
+                [true, true] => {
+                    OutputRow::refused(format!("{} and {} are both given; expected one", names[5], names[6]))
+                }
                 [a, s] => {
                     let known = if a { Some(given[0]) } else { s.then_some(given[1]) };
                     let cells = [0, 1, 3, 4].map(|k| row.get(place(k)));
                     match cells[..2].iter().position(|v| v.is_nan()).filter(|_| some_known && known.is_none()) {
-                        Some(empty) => Answer::refused(format!(
+                        Some(empty) => OutputRow::refused(format!(
                             "{} is empty; one of rho_d and rho_t is enough only beside a known sigma",
                             names[empty]
                         )),
@@ -282,15 +288,15 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         for (k, (wavelength, columns)) in wide.iter().enumerate() {
             let cells: [f64; 4] = std::array::from_fn(|c| row.get(1 + 4 * k + c));
             let bad = row.faults().find(|(place, _)| (1 + 4 * k..5 + 4 * k).contains(place));
-            let Answer { mut values, status } = match (bad, cells[..2].iter().position(|v| v.is_nan())) {
-                (Some((_, why)), _) => Answer::refused(why),
-                (None, Some(empty)) => Answer::refused(format!("{} is empty", columns[empty])),
+            let OutputRow { mut values, status } = match (bad, cells[..2].iter().position(|v| v.is_nan())) {
+                (Some((_, why)), _) => OutputRow::refused(why),
+                (None, Some(empty)) => OutputRow::refused(format!("{} is empty", columns[empty])),
                 (None, None) => fitted(*wavelength, cells, columns, None),
             };
             // A row without numbers still says which leaf and wavelength it belongs to.
             values.resize(slab::OUTPUTS.len(), f64::NAN);
             values.insert(0, *wavelength);
-            out.push(Answer { values, status });
+            out.push(OutputRow { values, status });
         }
     })?;
     batch::say_tally(&tally, &args.io, common, "row")?;
@@ -331,8 +337,8 @@ fn say_assumptions(args: &Args) {
             .to_string()
     } else {
         let specular = match args.specular {
-            Specular::Included => "with",
-            Specular::Excluded => "without",
+            SpecularPart::Included => "with",
+            SpecularPart::Excluded => "without",
         };
         format!(
             "the slab is taken at the index {} in air, and rho_d {specular} the mirror reflection of its faces",
@@ -344,7 +350,7 @@ fn say_assumptions(args: &Args) {
 
 /// The wavelengths of a table in wide form, ascending: those with a reflectance (`R550`) and a transmittance (`T550`),
 /// with the columns of both and of their errors.
-fn wavelengths(table: &Table) -> Result<Vec<(f64, [String; 4])>> {
+fn wavelengths(table: &InputTable) -> Result<Vec<(f64, [String; 4])>> {
     let found = spectra::wide(table);
     let columns: Vec<_> = found.readings.iter().filter(|c| !c.is_abaxial()).collect();
     let mut pairs: Vec<(f64, [String; 4])> = columns
@@ -369,7 +375,7 @@ fn wavelengths(table: &Table) -> Result<Vec<(f64, [String; 4])>> {
 }
 
 /// The input's column for each of [`INPUTS`].
-fn column_names(mapping: &[String], table: &Table) -> Result<Vec<String>> {
+fn column_names(mapping: &[String], table: &InputTable) -> Result<Vec<String>> {
     let usual = |(name, also): (&&str, &&[&str])| {
         let there = std::iter::once(name).chain(*also).find(|n| table.column(n).is_some());
         there.unwrap_or(name).to_string()

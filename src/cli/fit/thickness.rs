@@ -2,7 +2,7 @@
 
 use crate::cli::{Error, Result};
 use mesophyll_files::table::Status;
-use mesophyll_files::unit::Unit;
+use mesophyll_files::unit::LengthUnit;
 use mesophyll_fits::slab;
 
 /// Range of a leaf's thickness (mm), with a margin at both ends. The same thicknesses in µm are numbers above this
@@ -13,12 +13,14 @@ pub const LEAVES_MM: [f64; 2] = [0.01, 10.0];
 const TISSUE: f64 = 1e3;
 
 /// Why no leaf has this thickness or these coefficients, if so.
-pub fn no_leaf(column: &str, thickness: f64, unit: Option<Unit>, values: &[f64]) -> Option<String> {
-    let unit = unit.unwrap_or(Unit::Millimetre);
-    let leaf = |t: f64, unit: Unit| (LEAVES_MM[0]..=LEAVES_MM[1]).contains(&(t * unit.mm()));
+pub fn no_leaf(column: &str, thickness: f64, unit: Option<LengthUnit>, values: &[f64]) -> Option<String> {
+    let unit = unit.unwrap_or(LengthUnit::Millimetre);
+    let leaf = |t: f64, unit: LengthUnit| (LEAVES_MM[0]..=LEAVES_MM[1]).contains(&(t * unit.mm()));
     if !leaf(thickness, unit) {
         let [low, high] = LEAVES_MM.map(|mm| mm / unit.mm());
-        let others = [Unit::Micrometre, Unit::Millimetre, Unit::Metre].into_iter().filter(|u| leaf(thickness, *u));
+        let others = [LengthUnit::Micrometre, LengthUnit::Millimetre, LengthUnit::Metre]
+            .into_iter()
+            .filter(|u| leaf(thickness, *u));
         let others: Vec<&'static str> = others.map(Into::into).collect();
         let hint = if others.is_empty() { String::new() } else { format!("; is it in {}?", others.join(" or ")) };
         let name: &'static str = unit.into();
@@ -62,9 +64,9 @@ pub fn not_in_mm(column: &str, thickness: f64) -> String {
 /// The unit that is asked for, or that the column's name ends in; `None` where neither states one (a column `h` is in
 /// mm). A name that states another unit than the one asked for, or an unknown one, is an error: micrometres read as
 /// millimetres would look like an answer.
-pub fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>> {
+pub fn thickness_unit(column: &str, asked: Option<LengthUnit>) -> Result<Option<LengthUnit>> {
     let suffix = column.rsplit_once(['_', ' ', '(', '[']).map_or("", |(_, end)| end.trim_end_matches([')', ']']));
-    let named = suffix.parse::<Unit>().ok();
+    let named = suffix.parse::<LengthUnit>().ok();
     // Nobody measures leaves in these: such a name is more likely a mistake than a unit.
     if ["cm", "dm", "nm", "km", "in", "inch", "inches", "mil", "mils", "ft"].contains(&suffix) {
         return Err(Error::Usage(format!("the thickness column {column:?} is in {suffix:?}; expected mm, um or m")));
@@ -73,7 +75,7 @@ pub fn thickness_unit(column: &str, asked: Option<Unit>) -> Result<Option<Unit>>
         (Some(named), Some(asked)) if named != asked => Err(Error::Usage(format!(
             "--thickness-unit contradicts the unit in the name of the thickness column, {column:?}"
         ))),
-        (None, None) if column == "h" => Ok(Some(Unit::Millimetre)),
+        (None, None) if column == "h" => Ok(Some(LengthUnit::Millimetre)),
         (named, asked) => Ok(asked.or(named)),
     }
 }

@@ -1,13 +1,13 @@
 //! `mesophyll fit tissue BEAMS --blade FIT -o DIR`.
 
-use crate::cli::named::named;
-use crate::cli::{Common, place};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, destination};
 use crate::cli::{Error, Result};
 use mesophyll_fits::record::FitRecord;
-use mesophyll_fits::translucency::inverse::run::{Options, Start, run as fit};
-use mesophyll_fits::translucency::inverse::{self, Incidence};
-use mesophyll_fits::translucency::tissue::Entry;
-use mesophyll_optics::translucency::convolve::Totals;
+use mesophyll_fits::translucency::inverse::run::{Options, TissueFitStart, run as fit};
+use mesophyll_fits::translucency::inverse::{self, BeamIncidence};
+use mesophyll_fits::translucency::tissue::LightEntry;
+use mesophyll_optics::translucency::convolution::TotalsSource;
 use std::path::PathBuf;
 
 /// Absorption and scattering inside a leaf, and a factor on its thickness, from photographs of the light that comes
@@ -29,7 +29,7 @@ pub struct Args {
     #[arg(long, value_name = "FIT")]
     blade: PathBuf,
     /// Folder to write
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
     /// Take the thickness as the leaf fit has it
     #[arg(long)]
@@ -38,18 +38,18 @@ pub struct Args {
     #[arg(long, value_name = "V", default_value_t = 0.0, allow_negative_numbers = true)]
     g: f64,
     /// Share of the light that crosses the surface. matched: all of it; albedo: 1 - rho_d of the texel
-    #[arg(long, value_parser = named::<Entry>(), default_value_t = Entry::Matched)]
-    entry: Entry,
+    #[arg(long, value_parser = named::<LightEntry>(), default_value_t = LightEntry::Matched)]
+    entry: LightEntry,
     /// Total transmitted light. transport: scaled to the transport equation; form: as the diffusion formula gives it
-    #[arg(long, value_parser = named::<Totals>(), default_value_t = Totals::Transport)]
-    totals: Totals,
+    #[arg(long, value_parser = named::<TotalsSource>(), default_value_t = TotalsSource::Transport)]
+    totals: TotalsSource,
     /// Transmission of an oblique beam. slant: from the transport equation; normal: the same as for a beam along the
     /// normal, as the renderers assume
-    #[arg(long, value_parser = named::<Incidence>(), default_value_t = Incidence::Slant)]
-    incidence: Incidence,
+    #[arg(long, value_parser = named::<BeamIncidence>(), default_value_t = BeamIncidence::Slant)]
+    incidence: BeamIncidence,
     /// Where the search begins: the leaf fit's slab, or the sources' table
-    #[arg(long, value_parser = named::<Start>(), default_value_t = Start::Slab)]
-    start: Start,
+    #[arg(long, value_parser = named::<TissueFitStart>(), default_value_t = TissueFitStart::Slab)]
+    start: TissueFitStart,
     /// Thickness levels K
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=64))]
     levels: u16,
@@ -89,9 +89,9 @@ fn options(args: &Args) -> Result<Options> {
     })
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let options = options(args)?;
-    crate::cli::ready::warn(&args.blade);
+    crate::cli::preparation::warn(&args.blade);
     let outcome = fit(&args.input, &args.blade, &args.output, &options)?;
     super::told(outcome, &args.output, common, summary)
 }

@@ -1,13 +1,13 @@
 //! `mesophyll fit transfer SCENE -o DIR`.
 
 use crate::cli::Result;
-use crate::cli::{Common, place};
+use crate::cli::{CommonArgs, destination};
 use mesophyll_fits::record::FitRecord;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::fits::missing::input_hash;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_scene::placed::{Placed, leaf::Search};
-use mesophyll_scene::{loaded::Scene, transfer};
+use mesophyll_scene::placed::{PlacedScene, leaf::LeafSearch};
+use mesophyll_scene::{loaded::LoadedScene, transfer};
 use std::path::PathBuf;
 
 /// Fits how the light that reaches each leaf of a scene depends on the light around the scene.
@@ -23,22 +23,22 @@ pub struct Args {
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder to write
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
     /// Folder of an earlier run, whose fits of the scene's leaves are used
-    #[arg(long, value_name = "DIR", value_parser = place::folder())]
+    #[arg(long, value_name = "DIR", value_parser = destination::folder())]
     run: Option<PathBuf>,
     /// Compute again although the folder already holds this very fit
     #[arg(long)]
     force: bool,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
-    let manifest = Manifest::read(&args.scene)?;
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    let manifest = SceneManifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let search = Search { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
-    let placed = Placed::new(&manifest, search, &ledger)?;
-    let scene = Scene::new(manifest, placed, &ledger)?;
+    let search = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
+    let placed = PlacedScene::new(&manifest, search, &ledger)?;
+    let scene = LoadedScene::new(manifest, placed, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     let outcome = transfer::make(&scene, &args.output, args.force, &ledger)?;
     super::told(outcome, &args.output, common, summary)

@@ -1,18 +1,18 @@
 //! `mesophyll fit translucency FIT -o DIR`.
 
-use crate::cli::named::named;
-use crate::cli::{Common, place};
+use crate::cli::names::named;
+use crate::cli::{CommonArgs, destination};
 use crate::cli::{Error, Result};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use mesophyll_capture::kind::Kind;
+use mesophyll_capture::kind::CaptureKind;
 use mesophyll_files::progress::say;
 use mesophyll_fits::dome;
 use mesophyll_fits::record::FitRecord;
-use mesophyll_fits::translucency::tissue::Entry;
-use mesophyll_fits::translucency::{Area, Colour, Options, TissueFrom, TissueName, run as fit};
-use mesophyll_optics::dipole::{Form, FormKind};
-use mesophyll_optics::translucency::basis::Basis;
-use mesophyll_optics::translucency::lights::RuleKind;
+use mesophyll_fits::translucency::tissue::LightEntry;
+use mesophyll_fits::translucency::{Options, TexelArea, TissueName, TissueSource, TranslucencyColour, run as fit};
+use mesophyll_optics::dipole::{DipoleForm, FormKind};
+use mesophyll_optics::translucency::basis::HemisphereBasis;
+use mesophyll_optics::translucency::lights::DirectionRuleKind;
 use std::path::PathBuf;
 
 /// How the light that comes through a leaf depends on where it comes from, a texel at a time: scattering inside the
@@ -31,11 +31,11 @@ pub struct Args {
     /// Folder of `fit leaf`, or a capture under a dome (its leaf fit is then kept as DIR/leaf)
     input: PathBuf,
     /// Folder to write
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = place::folder())]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
     /// Where the colour of the light that comes through is from
-    #[arg(long, value_parser = named::<Colour>(), default_value_t = Colour::Substituted)]
-    colour: Colour,
+    #[arg(long, value_parser = named::<TranslucencyColour>(), default_value_t = TranslucencyColour::Substituted)]
+    colour: TranslucencyColour,
     /// Channel whose wavelength is used where only one is (default: the channel that transmits most light)
     #[arg(long, value_enum)]
     channel: Option<Channel>,
@@ -53,12 +53,12 @@ pub struct Args {
     #[arg(long, value_name = "V", requires = "sigma_a", allow_negative_numbers = true)]
     g: Option<f64>,
     /// Light that enters: all of it, or 1 - rho_d of the texel (default: all with the fit's slab, else 1 - rho_d)
-    #[arg(long, value_parser = named::<Entry>())]
-    entry: Option<Entry>,
+    #[arg(long, value_parser = named::<LightEntry>())]
+    entry: Option<LightEntry>,
     /// Area over which a texel collects light. facet: the inclined surface itself; texel: its projection, as in the
     /// sources
-    #[arg(long, value_parser = named::<Area>(), default_value_t = Area::Facet)]
-    area: Area,
+    #[arg(long, value_parser = named::<TexelArea>(), default_value_t = TexelArea::Facet)]
+    area: TexelArea,
     /// Boundary term A = (1 + rho)/(1 - rho), at least 1 (default: 1 where all light enters, else from the mean rho_d)
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     a: Option<f64>,
@@ -76,11 +76,11 @@ pub struct Args {
     lights: u32,
     /// Placement of the light directions. spiral: on a spiral; stratified: one at random in each of N equal cells, as
     /// in the sources
-    #[arg(long, value_parser = named::<RuleKind>(), default_value_t = RuleKind::Spiral)]
-    placed: RuleKind,
+    #[arg(long, value_parser = named::<DirectionRuleKind>(), default_value_t = DirectionRuleKind::Spiral)]
+    placed: DirectionRuleKind,
     /// Functions of direction, with their number; the renderers evaluate half-life-2 and bent-3
     #[arg(long, value_parser = basis(), default_value = "half-life-2")]
-    basis: Basis,
+    basis: HemisphereBasis,
     /// One light at this elevation over the blade, instead of a basis
     #[arg(
         long,
@@ -100,15 +100,15 @@ pub struct Args {
 
 /// Reads one of the bases that are offered. Former versions named some of them without their number, which is still
 /// understood.
-fn basis() -> impl TypedValueParser<Value = Basis> {
-    let former = |basis: Basis| match basis {
-        Basis::HalfLife2 | Basis::Bent { .. } => None,
+fn basis() -> impl TypedValueParser<Value = HemisphereBasis> {
+    let former = |basis: HemisphereBasis| match basis {
+        HemisphereBasis::HalfLife2 | HemisphereBasis::Bent { .. } => None,
         other => other.name().rsplit_once('-').map(|(kind, _)| kind.to_string()),
     };
-    let shown =
-        Basis::OFFERED.map(|basis| PossibleValue::new(basis.name()).help(basis.describe()).aliases(former(basis)));
+    let shown = HemisphereBasis::OFFERED
+        .map(|basis| PossibleValue::new(basis.name()).help(basis.describe()).aliases(former(basis)));
     PossibleValuesParser::new(shown).try_map(move |name| {
-        let mut all = Basis::OFFERED.into_iter();
+        let mut all = HemisphereBasis::OFFERED.into_iter();
         all.find(|b| b.name() == name || former(*b).as_ref() == Some(&name)).ok_or("not the name of a basis")
     })
 }
@@ -131,12 +131,12 @@ fn within(name: &str, v: f64, low: f64, high: f64) -> Result<f64> {
 
 fn options(args: &Args) -> Result<Options> {
     let tissue = match (args.sigma_a, args.sigma_s) {
-        (Some(a), Some(s)) => TissueFrom::Given {
+        (Some(a), Some(s)) => TissueSource::Given {
             sigma_a: within("sigma-a", a, 0.0, 1e6)?,
             sigma_s: within("sigma-s", s, 0.0, 1e6)?,
             g: within("g", args.g.unwrap_or(0.0), -0.999, 0.999)?,
         },
-        _ => TissueFrom::Named(args.tissue),
+        _ => TissueSource::Named(args.tissue),
     };
     let sun = match (args.sun_elevation_deg, args.sun_azimuth_deg) {
         (Some(e), Some(a)) => Some([
@@ -155,7 +155,7 @@ fn options(args: &Args) -> Result<Options> {
         entry: args.entry,
         area: args.area,
         a: args.a.map(|a| within("a", a, 1.0, f64::INFINITY)).transpose()?,
-        form: Form::of(args.form, args.dipoles.unwrap_or(3)),
+        form: DipoleForm::of(args.form, args.dipoles.unwrap_or(3)),
         levels: usize::from(args.levels),
         lights: args.placed.rule(args.lights as usize),
         basis: args.basis,
@@ -170,7 +170,7 @@ fn leaf(args: &Args) -> Result<PathBuf> {
     if args.input.join("fit.toml").is_file() || !args.input.join("capture.toml").is_file() {
         return Ok(args.input.clone());
     }
-    if !matches!(Kind::of(&args.input), Ok(Some(Kind::Dome))) {
+    if !matches!(CaptureKind::of(&args.input), Ok(Some(CaptureKind::Dome))) {
         return Err(Error::input(
             &args.input,
             "a capture, not a fit of one; `mesophyll fit leaf` fits a scan under a tube, and the folder of that fit is \
@@ -183,9 +183,9 @@ fn leaf(args: &Args) -> Result<PathBuf> {
     Ok(folder)
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let (options, leaf) = (options(args)?, leaf(args)?);
-    crate::cli::ready::warn(&leaf);
+    crate::cli::preparation::warn(&leaf);
     let outcome = fit(&leaf, &args.output, &options)?;
     super::told(outcome, &args.output, common, |record| {
         if let Some(why) = record.options.get("doubt") {

@@ -1,17 +1,17 @@
 //! `mesophyll inspect` of photographs under beams.
 
 use super::{Args, said, shown};
-use crate::cli::Common;
+use crate::cli::CommonArgs;
 use crate::cli::Result;
-use mesophyll_capture::beams::inspect::{Inspection, Photograph, inspect};
+use mesophyll_capture::beams::inspection::{BeamPhotographSummary, BeamsInspection, inspect};
 use std::fmt::Write;
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let found = inspect(&args.capture);
     shown(args, common, &found, text, found.problems.len())
 }
 
-fn text(f: &Inspection) -> String {
+fn text(f: &BeamsInspection) -> String {
     let mut out = String::new();
     let mut line = |text: String| {
         let _ = writeln!(out, "{text}");
@@ -37,7 +37,7 @@ fn text(f: &Inspection) -> String {
     out
 }
 
-fn photograph(p: &Photograph) -> String {
+fn photograph(p: &BeamPhotographSummary) -> String {
     let relative = p.noise.iter().zip(p.colour).filter_map(|(sd, level)| Some((*sd)? / level));
     let worst = relative.reduce(f64::max);
     let percent = |v: Option<f64>| v.map_or("unknown".to_string(), |v| format!("{:.1} %", 100.0 * v));

@@ -1,17 +1,17 @@
 //! `mesophyll inspect` of a capture under a dome.
 
 use super::{Args, said, shown};
-use crate::cli::Common;
+use crate::cli::CommonArgs;
 use crate::cli::Result;
-use mesophyll_capture::dome::inspect::{Inspection, SideSummary, inspect};
+use mesophyll_capture::dome::inspection::{DomeInspection, SideSummary, inspect};
 use std::fmt::Write;
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let found = inspect(&args.capture);
     shown(args, common, &found, text, found.problems.len())
 }
 
-fn text(f: &Inspection) -> String {
+fn text(f: &DomeInspection) -> String {
     let mut out = String::new();
     let mut line = |text: String| {
         let _ = writeln!(out, "{text}");

@@ -5,10 +5,10 @@ mod dome;
 mod file;
 mod photo;
 
-use super::Common;
+use super::CommonArgs;
 use crate::cli::{Error, Result};
-use mesophyll_capture::inspect::{Inspection, ReferenceSummary, inspect};
-use mesophyll_capture::kind::Kind;
+use mesophyll_capture::inspection::{ReferenceSummary, TubeInspection, inspect};
+use mesophyll_capture::kind::CaptureKind;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -32,7 +32,7 @@ pub struct Args {
     deep: bool,
 }
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if args.capture.is_file() {
         return file::run(&args.capture, common);
     }
@@ -40,10 +40,10 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
         return Err(Error::input(&args.capture, "no such file or folder"));
     }
     // What cannot be read at all is reported by the look at a scan.
-    match Kind::of(&args.capture).ok().flatten() {
-        Some(Kind::Dome) => return dome::run(args, common),
-        Some(Kind::Beams) => return beams::run(args, common),
-        Some(Kind::Photo) => return photo::run(args, common),
+    match CaptureKind::of(&args.capture).ok().flatten() {
+        Some(CaptureKind::Dome) => return dome::run(args, common),
+        Some(CaptureKind::Beams) => return beams::run(args, common),
+        Some(CaptureKind::Photo) => return photo::run(args, common),
         _ => {}
     }
     let found = inspect(&args.capture, args.deep)?;
@@ -53,7 +53,7 @@ pub fn run(args: &Args, common: &Common) -> Result<u8> {
 /// Prints the result, in words or as JSON. The exit code says whether the capture can be fitted.
 fn shown<T: serde::Serialize>(
     args: &Args,
-    common: &Common,
+    common: &CommonArgs,
     found: &T,
     text: impl Fn(&T) -> String,
     problems: usize,
@@ -74,7 +74,7 @@ fn verdict(args: &Args, problems: usize) -> Result<u8> {
     }
 }
 
-fn text(f: &Inspection) -> String {
+fn text(f: &TubeInspection) -> String {
     let mut out = String::new();
     let mut line = |text: String| {
         let _ = writeln!(out, "{text}");

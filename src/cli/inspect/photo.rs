@@ -1,17 +1,17 @@
 //! `mesophyll inspect` of photographs in open shade and on a light table.
 
 use super::{Args, said, shown};
-use crate::cli::Common;
+use crate::cli::CommonArgs;
 use crate::cli::Result;
-use mesophyll_capture::photo::{Inspection, inspect};
+use mesophyll_capture::photo::{PhotoInspection, inspect};
 use std::fmt::Write;
 
-pub fn run(args: &Args, common: &Common) -> Result<u8> {
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let found = inspect(&args.capture);
     shown(args, common, &found, text, found.problems.len())
 }
 
-fn text(f: &Inspection) -> String {
+fn text(f: &PhotoInspection) -> String {
     let mut out = String::new();
     if let (Some(m), Some((width, height, texel_mm))) = (&f.manifest, f.texels) {
         let [h, err] = m.thickness();

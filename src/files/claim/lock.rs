@@ -16,7 +16,7 @@ const EVERY: Duration = Duration::from_millis(20);
 
 /// Who else may write a folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Use {
+pub enum ClaimMode {
     /// Nobody.
     Alone,
     /// Other shards of one fit.
@@ -26,24 +26,24 @@ pub enum Use {
 /// An output folder that is claimed. It is free again when this value is dropped.
 #[derive(Debug)]
 #[must_use = "the folder is free again as soon as this is dropped"]
-pub struct Claim {
+pub struct FolderClaim {
     place: PathBuf,
     /// The opened folder, which has the lock; nothing where there is no lock.
     locked: Option<File>,
 }
 
-impl Claim {
+impl FolderClaim {
     /// Locks the folder `place`, if it exists. A shard waits for a run that has it alone.
     ///
     /// # Errors
     /// [`Error::Usage`] where somebody else has it, [`Error::Interrupted`] after a stop while it waits.
-    pub(super) fn take(place: &Path, with: Use) -> Result<Self> {
-        let claim = |locked| Ok(Claim { place: place.to_path_buf(), locked });
+    pub(super) fn take(place: &Path, with: ClaimMode) -> Result<Self> {
+        let claim = |locked| Ok(FolderClaim { place: place.to_path_buf(), locked });
         // A folder can be opened like a file on Unix only; elsewhere only the files in it are locked.
         let Some(folder) = place.is_dir().then(|| File::open(place).ok()).flatten() else { return claim(None) };
         let tried = match with {
-            Use::Alone => folder.try_lock(),
-            Use::Shared => once_free(place, || folder.try_lock_shared())?,
+            ClaimMode::Alone => folder.try_lock(),
+            ClaimMode::Shared => once_free(place, || folder.try_lock_shared())?,
         };
         match tried {
             // The folder may have been removed, by the run that made it, before it was locked.
@@ -75,7 +75,7 @@ impl Claim {
     }
 }
 
-impl Drop for Claim {
+impl Drop for FolderClaim {
     fn drop(&mut self) {
         // To close the file would not be enough where a child process has inherited it.
         let _ = self.locked.as_ref().map(File::unlock);
@@ -84,10 +84,10 @@ impl Drop for Claim {
 
 /// Removes the folders that a run made for its output, innermost first, as far as they are empty. `claim` is what the
 /// run has claimed. Nothing is removed while anybody else has claimed the innermost one.
-pub fn undo(made: &[PathBuf], claim: Option<&Claim>) {
+pub fn undo(made: &[PathBuf], claim: Option<&FolderClaim>) {
     let Some(folder) = made.first() else { return };
     // A run that was refused asks for the lock once more, because the folder may be somebody else's by now.
-    let own = if claim.is_none() { Claim::take(&resolved(folder), Use::Alone).ok() } else { None };
+    let own = if claim.is_none() { FolderClaim::take(&resolved(folder), ClaimMode::Alone).ok() } else { None };
     let Some(claim) = claim.or(own.as_ref()) else { return };
     if claim.locked.as_ref().is_none_or(|file| !matches!(file.try_lock(), Err(TryLockError::WouldBlock))) {
         made.iter().take_while(|folder| std::fs::remove_dir(folder).is_ok()).for_each(drop);
@@ -123,25 +123,25 @@ mod tests {
     fn a_folder_is_one_runs_alone_or_shared_by_shards() {
         let dir = tempfile::tempdir().unwrap();
         let place = resolved(dir.path());
-        let first = Claim::take(&place, Use::Alone).unwrap();
+        let first = FolderClaim::take(&place, ClaimMode::Alone).unwrap();
         // Every claim is refused, and none of those that are refused frees the folder.
         for _ in 0..2 {
-            let refused = Claim::take(&place, Use::Alone).unwrap_err();
+            let refused = FolderClaim::take(&place, ClaimMode::Alone).unwrap_err();
             assert!(refused.is_usage() && refused.to_string().contains("written by another run"), "{refused}");
         }
         drop(first);
-        let shards = [Use::Shared; 2].map(|with| Claim::take(&place, with).unwrap());
-        assert!(Claim::take(&place, Use::Alone).is_err());
+        let shards = [ClaimMode::Shared; 2].map(|with| FolderClaim::take(&place, with).unwrap());
+        assert!(FolderClaim::take(&place, ClaimMode::Alone).is_err());
         drop(shards);
-        assert!(Claim::take(&place, Use::Alone).unwrap().is_locked());
-        assert!(!Claim::take(&place.join("absent"), Use::Alone).unwrap().is_locked());
+        assert!(FolderClaim::take(&place, ClaimMode::Alone).unwrap().is_locked());
+        assert!(!FolderClaim::take(&place.join("absent"), ClaimMode::Alone).unwrap().is_locked());
     }
 
     #[test]
     fn a_shard_waits_until_the_others_have_ended() {
         let dir = tempfile::tempdir().unwrap();
         let place = resolved(dir.path());
-        let [one, other] = [Use::Shared; 2].map(|with| Claim::take(&place, with).unwrap());
+        let [one, other] = [ClaimMode::Shared; 2].map(|with| FolderClaim::take(&place, with).unwrap());
         let ended = AtomicBool::new(false);
         std::thread::scope(|threads| {
             let (begins, begun) = mpsc::channel();
@@ -170,7 +170,7 @@ mod tests {
         let made = ["new/deeper", "new"].map(|name| dir.path().join(name));
         std::fs::create_dir_all(&made[0]).unwrap();
         let place = resolved(&made[0]);
-        let [mine, other] = [Use::Shared; 2].map(|with| Claim::take(&place, with).unwrap());
+        let [mine, other] = [ClaimMode::Shared; 2].map(|with| FolderClaim::take(&place, with).unwrap());
         undo(&made, None);
         undo(&made, Some(&mine));
         assert!(made[0].exists(), "another shard has it");

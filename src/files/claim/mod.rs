@@ -6,22 +6,22 @@
 //!
 //! A claim also locks the folder against other runs, until its [`Claim`] is dropped ([`lock`]).
 
-mod held;
+mod contents;
 mod lock;
 #[cfg(test)]
 mod tests;
 
 use crate::atomic::{self, explain};
 use crate::{Error, Result};
-pub use held::fit_words;
-use held::{fit_there, holds, is_capture, is_own, marked, marks, stranger};
-pub use lock::{Claim, Use, undo};
+pub use contents::fit_words;
+use contents::{fit_there, holds, is_capture, is_own, marked, marks, stranger};
+pub use lock::{ClaimMode, FolderClaim, undo};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 /// What a verb makes in a folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind<'a> {
+pub enum OutputKind<'a> {
     /// A fit of the kind that `fit.toml` names.
     Fit(&'a str),
     /// A capture: `capture.toml`.
@@ -46,35 +46,35 @@ pub enum Kind<'a> {
     Pictures,
 }
 
-impl Kind<'_> {
+impl OutputKind<'_> {
     fn words(self) -> String {
         match self {
-            Kind::Fit(kind) => fit_words(kind),
-            Kind::Capture => "capture".into(),
-            Kind::Scene => "run or a check".into(),
-            Kind::Render => "folder of rendered pictures".into(),
-            Kind::Film => "film".into(),
-            Kind::Bench => "bench".into(),
-            Kind::Maps => "folder of exported maps".into(),
-            Kind::Pivots => "folder of pivot textures".into(),
-            Kind::Export => "folder for another renderer".into(),
-            Kind::Import => "folder of a plant's tables".into(),
-            Kind::Pictures => "folder of pictures".into(),
+            OutputKind::Fit(kind) => fit_words(kind),
+            OutputKind::Capture => "capture".into(),
+            OutputKind::Scene => "run or a check".into(),
+            OutputKind::Render => "folder of rendered pictures".into(),
+            OutputKind::Film => "film".into(),
+            OutputKind::Bench => "bench".into(),
+            OutputKind::Maps => "folder of exported maps".into(),
+            OutputKind::Pivots => "folder of pivot textures".into(),
+            OutputKind::Export => "folder for another renderer".into(),
+            OutputKind::Import => "folder of a plant's tables".into(),
+            OutputKind::Pictures => "folder of pictures".into(),
         }
     }
 
     /// Endings of the files that this kind writes. A folder with such files that this program did not make is refused.
     fn endings(self) -> &'static [&'static str] {
         match self {
-            Kind::Fit(_) => &["toml", "exr", "png", "glb", "json"],
-            Kind::Capture => &["exr"],
-            Kind::Scene | Kind::Maps => &["json", "png"],
-            Kind::Film | Kind::Render => &["json", "png", "exr"],
-            Kind::Bench => &["json"],
-            Kind::Pivots => &["json", "exr", "glb"],
-            Kind::Export => &["json", "xml", "pbrt", "mtlx", "usda", "py", "glb"],
-            Kind::Import => &["json", "csv"],
-            Kind::Pictures => &[],
+            OutputKind::Fit(_) => &["toml", "exr", "png", "glb", "json"],
+            OutputKind::Capture => &["exr"],
+            OutputKind::Scene | OutputKind::Maps => &["json", "png"],
+            OutputKind::Film | OutputKind::Render => &["json", "png", "exr"],
+            OutputKind::Bench => &["json"],
+            OutputKind::Pivots => &["json", "exr", "glb"],
+            OutputKind::Export => &["json", "xml", "pbrt", "mtlx", "usda", "py", "glb"],
+            OutputKind::Import => &["json", "csv"],
+            OutputKind::Pictures => &[],
         }
     }
 }
@@ -113,8 +113,8 @@ const ENDINGS: [&str; 33] = [
 /// # Errors
 /// [`Error::Usage`] (exit code 2) that names the folder and what it holds, or that another run writes it. Then nothing
 /// was changed.
-pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<Claim> {
-    folder_for(folder, kind, inputs, Use::Alone)
+pub fn folder(folder: &Path, kind: OutputKind, inputs: &[&Path]) -> Result<FolderClaim> {
+    folder_for(folder, kind, inputs, ClaimMode::Alone)
 }
 
 /// As [`folder`]; with [`Use::Shared`] for a run that shares the folder with other shards of one fit. Such a run waits
@@ -122,7 +122,7 @@ pub fn folder(folder: &Path, kind: Kind, inputs: &[&Path]) -> Result<Claim> {
 ///
 /// # Errors
 /// As [`folder`]; [`Error::Interrupted`] after a stop while it waits.
-pub fn folder_for(folder: &Path, kind: Kind, inputs: &[&Path], with: Use) -> Result<Claim> {
+pub fn folder_for(folder: &Path, kind: OutputKind, inputs: &[&Path], with: ClaimMode) -> Result<FolderClaim> {
     let refuse = |what: &str| refused(folder, kind, what);
     let place = resolved(folder);
     for input in inputs {
@@ -138,19 +138,19 @@ pub fn folder_for(folder: &Path, kind: Kind, inputs: &[&Path], with: Use) -> Res
         return refuse(&format!("lies inside the capture {}", capture.display()));
     }
     // A folder that another run makes just now says so before anything else: what it holds changes.
-    let claim = Claim::take(&place, with)?;
+    let claim = FolderClaim::take(&place, with)?;
     fits_in(folder, &place, kind)?;
     atomic::probe_folder(folder)?;
     if claim.is_locked() {
         return Ok(claim);
     }
     // The folder is new, and another run may have had it before it is locked here.
-    let claim = Claim::take(&place, with)?;
+    let claim = FolderClaim::take(&place, with)?;
     fits_in(folder, &place, kind)?;
     Ok(claim)
 }
 
-fn refused<T>(folder: &Path, kind: Kind, what: &str) -> Result<T> {
+fn refused<T>(folder: &Path, kind: OutputKind, what: &str) -> Result<T> {
     let (folder, kind) = (folder.display(), kind.words());
     Err(Error::Usage(format!(
         "the output folder {folder} {what}; a {kind} there would overwrite it, so name another folder"
@@ -158,7 +158,7 @@ fn refused<T>(folder: &Path, kind: Kind, what: &str) -> Result<T> {
 }
 
 /// Refuses `folder`, which is at `place`, where it holds anything but what `kind` claims.
-fn fits_in(folder: &Path, place: &Path, kind: Kind) -> Result<()> {
+fn fits_in(folder: &Path, place: &Path, kind: OutputKind) -> Result<()> {
     let held = holds(place, kind);
     if let Some(other) = held.iter().find(|h| !h.same) {
         return refused(folder, kind, &format!("holds {}", other.words));
@@ -177,8 +177,8 @@ fn fits_in(folder: &Path, place: &Path, kind: Kind) -> Result<()> {
 ///
 /// # Errors
 /// As [`folder`]; a folder that is not empty, without `replace`.
-pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<Claim> {
-    let claim = self::folder(folder, Kind::Capture, inputs)?;
+pub fn capture(folder: &Path, inputs: &[&Path], replace: bool) -> Result<FolderClaim> {
+    let claim = self::folder(folder, OutputKind::Capture, inputs)?;
     let shown = folder.display();
     if marked(folder).is_some() || (replace && is_capture(folder) && folder.join("truth").is_dir()) {
         return Ok(claim);
@@ -211,7 +211,7 @@ pub fn capturing<T>(folder: &Path, body: impl FnOnce() -> Result<T>) -> Result<T
     if marked(folder).is_some() || is_capture(folder) {
         remove_capture(folder)?;
     }
-    begin(folder, Kind::Capture)?;
+    begin(folder, OutputKind::Capture)?;
     let made = body();
     // The reason why the synthesis failed matters more than a rest that cannot be removed. In that case the marker
     // stays and shows it.
@@ -223,9 +223,9 @@ pub fn capturing<T>(folder: &Path, body: impl FnOnce() -> Result<T>) -> Result<T
 ///
 /// # Errors
 /// As [`folder`].
-pub fn scene(folder: &Path, scene: &Path) -> Result<Claim> {
-    let claim = self::folder(folder, Kind::Scene, &[scene])?;
-    begin(folder, Kind::Scene)?;
+pub fn scene(folder: &Path, scene: &Path) -> Result<FolderClaim> {
+    let claim = self::folder(folder, OutputKind::Scene, &[scene])?;
+    begin(folder, OutputKind::Scene)?;
     Ok(claim)
 }
 
@@ -264,9 +264,9 @@ fn remove_pictures(folder: &Path) -> std::io::Result<()> {
 ///
 /// # Errors
 /// [`Error::Write`] or [`Error::Usage`] where the folder cannot be written.
-pub fn begin(folder: &Path, kind: Kind) -> Result<()> {
+pub fn begin(folder: &Path, kind: OutputKind) -> Result<()> {
     atomic::write_bytes(&folder.join(MARK), format!("{}\n", kind.words()).as_bytes())?;
-    if matches!(kind, Kind::Fit(_)) {
+    if matches!(kind, OutputKind::Fit(_)) {
         remove(&folder.join("fit.toml"))?;
     }
     Ok(())
@@ -340,17 +340,25 @@ fn part_of(home: &Path, name: &str) -> Option<String> {
             return Some(fit.words);
         }
     }
-    let told =
-        [Kind::Scene, Kind::Render, Kind::Film, Kind::Bench, Kind::Maps, Kind::Pivots, Kind::Export, Kind::Import]
-            .into_iter()
-            .find(|kind| marks(home, *kind).contains(&name) || (*kind == Kind::Film && there && is_frame(home, name)));
+    let told = [
+        OutputKind::Scene,
+        OutputKind::Render,
+        OutputKind::Film,
+        OutputKind::Bench,
+        OutputKind::Maps,
+        OutputKind::Pivots,
+        OutputKind::Export,
+        OutputKind::Import,
+    ]
+    .into_iter()
+    .find(|kind| marks(home, *kind).contains(&name) || (*kind == OutputKind::Film && there && is_frame(home, name)));
     told.map(|kind| format!("a {}", kind.words()))
 }
 
 /// Whether `name` is one of the frames of the film in `home`.
 fn is_frame(home: &Path, name: &str) -> bool {
     let ending = name.ends_with(".png") || name.ends_with(".motion.exr");
-    !marks(home, Kind::Film).is_empty() && name.starts_with("frame-") && ending
+    !marks(home, OutputKind::Film).is_empty() && name.starts_with("frame-") && ending
 }
 
 fn ending(path: &Path) -> Option<String> {

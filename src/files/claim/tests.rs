@@ -38,7 +38,7 @@ fn pipes_in_an_output_folder_do_not_hang() {
             return crate::skips::skip(crate::skips::Need::System, "no mkfifo");
         }
     }
-    assert!(super::folder(dir.path(), super::Kind::Bench, &[]).is_ok());
+    assert!(super::folder(dir.path(), super::OutputKind::Bench, &[]).is_ok());
     let rows = dir.path().join("rows.csv");
     crate::atomic::write_bytes(&rows, b"x\n").unwrap();
     assert_eq!(fs::read(&rows).unwrap(), b"x\n");

@@ -1,6 +1,6 @@
 //! Instances of a node's mesh (`EXT_mesh_gpu_instancing`).
 
-use super::{INSTANCING, Opened};
+use super::{GltfDocument, INSTANCING};
 use crate::{Error, Result};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::accessor::{DataType, Dimensions, Iter};
@@ -13,7 +13,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Input`] that names the node: an attribute that is missing, not of finite floats or of another length than
 /// the others, and a rotation of length 0.
-pub fn places(path: &Path, opened: &Opened, node: &gltf::Node) -> Result<Vec<(Option<f64>, DMat4)>> {
+pub fn places(path: &Path, opened: &GltfDocument, node: &gltf::Node) -> Result<Vec<(Option<f64>, DMat4)>> {
     let Some(said) = node.extension_value(INSTANCING) else { return Ok(vec![(None, DMat4::IDENTITY)]) };
     let wrong = |field: String, what: String| {
         let name = node.name().map_or_else(|| format!("nodes[{}]", node.index()), |n| format!("node \"{n}\""));
@@ -63,7 +63,7 @@ pub fn places(path: &Path, opened: &Opened, node: &gltf::Node) -> Result<Vec<(Op
 }
 
 /// The numbers of an accessor of floats, with `width` numbers in each entry.
-fn numbers(opened: &Opened, accessor: &gltf::Accessor, width: usize) -> Option<Vec<f64>> {
+fn numbers(opened: &GltfDocument, accessor: &gltf::Accessor, width: usize) -> Option<Vec<f64>> {
     let buffer = |b: gltf::Buffer| opened.buffers.get(b.index()).map(|d| d.0.as_slice());
     if accessor.data_type() != DataType::F32 {
         return None;

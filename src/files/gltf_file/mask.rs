@@ -1,12 +1,12 @@
 //! The outline that a material cuts out of a picture, as cards of leaves have it.
 
-use super::{Opened, load};
+use super::{GltfDocument, load};
 use serde_json::Value;
 use std::path::Path;
 
 /// Where a material's picture is opaque.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mask {
+pub struct AlphaMask {
     size: [usize; 2],
     /// Opacity from 0 to 255, row by row from the top.
     alpha: Vec<u8>,
@@ -14,20 +14,20 @@ pub struct Mask {
     cutoff: f32,
 }
 
-impl Mask {
+impl AlphaMask {
     /// A mask of width and height `size` from opacities (0 to 255), row by row from the top, of which those from
     /// `cutoff` (0 to 1) on are there.
     ///
     /// # Panics
     /// Where there are not as many opacities as texels, or none.
-    pub fn new(size: [usize; 2], alpha: Vec<u8>, cutoff: f32) -> Mask {
+    pub fn new(size: [usize; 2], alpha: Vec<u8>, cutoff: f32) -> AlphaMask {
         assert!(!alpha.is_empty() && alpha.len() == size[0] * size[1], "one opacity a texel");
-        Mask { size, alpha, cutoff }
+        AlphaMask { size, alpha, cutoff }
     }
 
     /// The mask of the material with this index. `None` where it cuts nothing out, and where its picture cannot be
     /// read, has no opacity or is laid on by a transform.
-    pub fn of(path: &Path, opened: &Opened, material: usize) -> Option<Mask> {
+    pub fn of(path: &Path, opened: &GltfDocument, material: usize) -> Option<AlphaMask> {
         let root = &opened.root;
         let material = &root["materials"][material];
         let cutoff = match material["alphaMode"].as_str()? {
@@ -42,7 +42,7 @@ impl Mask {
         let picture = texture(path, opened, colour).filter(|p| p.color().has_alpha())?.into_rgba8();
         let size = [picture.width(), picture.height()].map(|side| side as usize);
         let alpha: Vec<u8> = picture.pixels().map(|p| p.0[3]).collect();
-        alpha.iter().any(|a| *a != alpha[0]).then(|| Mask::new(size, alpha, cutoff))
+        alpha.iter().any(|a| *a != alpha[0]).then(|| AlphaMask::new(size, alpha, cutoff))
     }
 
     /// How much more opaque than its limit the picture is at a texture coordinate; below 0 nothing is there. The
@@ -61,7 +61,7 @@ impl Mask {
 
 /// The colour of the material with this index: linear reflectances of red, green and blue, the mean of its picture
 /// where that is opaque. White where the file says nothing of it.
-pub fn colour(path: &Path, opened: &Opened, material: usize) -> [f64; 3] {
+pub fn colour(path: &Path, opened: &GltfDocument, material: usize) -> [f64; 3] {
     let said = &opened.root["materials"][material]["pbrMetallicRoughness"];
     let factor = [0, 1, 2].map(|c| said["baseColorFactor"][c].as_f64().unwrap_or(1.0));
     let Some(picture) = texture(path, opened, &said["baseColorTexture"]) else { return factor };
@@ -74,7 +74,7 @@ pub fn colour(path: &Path, opened: &Opened, material: usize) -> [f64; 3] {
 }
 
 /// The picture that a material refers to in this way. `None` where it refers to none, or to one that cannot be read.
-fn texture(path: &Path, opened: &Opened, reference: &Value) -> Option<image::DynamicImage> {
+fn texture(path: &Path, opened: &GltfDocument, reference: &Value) -> Option<image::DynamicImage> {
     let root = &opened.root;
     let texture = &root["textures"][reference["index"].as_u64()? as usize];
     let image = &root["images"][texture["source"].as_u64()? as usize];
@@ -82,7 +82,7 @@ fn texture(path: &Path, opened: &Opened, reference: &Value) -> Option<image::Dyn
 }
 
 /// The bytes of a picture that lies in the file or beside it.
-fn picture(path: &Path, opened: &Opened, image: &Value) -> Option<Vec<u8>> {
+fn picture(path: &Path, opened: &GltfDocument, image: &Value) -> Option<Vec<u8>> {
     if let Some(view) = image["bufferView"].as_u64() {
         let view = &opened.root["bufferViews"][view as usize];
         let start = view["byteOffset"].as_u64().unwrap_or(0) as usize;

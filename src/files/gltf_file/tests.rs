@@ -194,7 +194,7 @@ fn filtered_views_are_unpacked() {
     let filtered: Vec<[i16; 4]> = meshopt::encode_filter_oct(&normals, 12);
     let packed = meshopt::encode_vertex_buffer(&filtered).unwrap();
     let said = json!({"count": 8, "byteStride": 8, "mode": "ATTRIBUTES", "filter": "OCTAHEDRAL"});
-    let bytes = packed::unpack(&said, &packed).unwrap();
+    let bytes = compression::unpack(&said, &packed).unwrap();
     for (found, true_one) in bytes.chunks_exact(8).zip(&normals) {
         for c in 0..3 {
             let value = f32::from(i16::from_le_bytes([found[2 * c], found[2 * c + 1]])) / 32767.0;
@@ -204,10 +204,10 @@ fn filtered_views_are_unpacked() {
     let filtered = meshopt::encode_filter_exp(&PLACES, 20, meshopt::EncodeExpMode::Separate);
     let packed = meshopt::encode_vertex_buffer(&filtered).unwrap();
     let said = json!({"count": 8, "byteStride": 12, "mode": "ATTRIBUTES", "filter": "EXPONENTIAL"});
-    let bytes = packed::unpack(&said, &packed).unwrap();
+    let bytes = compression::unpack(&said, &packed).unwrap();
     let floats: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
     assert!(floats.iter().zip(PLACES.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-5), "{floats:?}");
-    let odd = packed::unpack(&json!({"count": 8, "byteStride": 10, "mode": "ATTRIBUTES"}), &packed);
+    let odd = compression::unpack(&json!({"count": 8, "byteStride": 10, "mode": "ATTRIBUTES"}), &packed);
     assert!(odd.unwrap_err().contains("damaged"));
 }
 
@@ -255,7 +255,7 @@ fn only_what_changes_triangles_is_refused() {
         root["accessors"][0]["min"] = json!([3]);
     });
     assert_eq!(corners(&leaf(&path)), truth());
-    let name = |opened: Opened| Ok(opened.document.materials().next().and_then(|m| m.name().map(String::from)));
+    let name = |opened: GltfDocument| Ok(opened.document.materials().next().and_then(|m| m.name().map(String::from)));
     assert_eq!(read(&path, &[], name).unwrap().as_deref(), Some("Leaf"));
     for (required, expected) in [
         ("KHR_draco_mesh_compression", ["compressed by Draco", "\"Compression\" off"]),
@@ -311,7 +311,7 @@ fn a_material_cuts_out_what_its_picture_shows() {
                 json!([{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
             change(root);
         });
-        read(&path, &[], |opened| Ok(Mask::of(&path, &opened, 0))).unwrap()
+        read(&path, &[], |opened| Ok(AlphaMask::of(&path, &opened, 0))).unwrap()
     };
     let mask = of(&|_| ()).unwrap();
     // In the middle of texels their own opacity, on the border between them the half of both; the picture repeats.

@@ -1,7 +1,7 @@
 use super::*;
 
-fn sample() -> Maps {
-    let mut maps = Maps::new(5, 40);
+fn sample() -> ChannelMaps {
+    let mut maps = ChannelMaps::new(5, 40);
     for (k, name) in ["rho_d.R", "m.Y"].iter().enumerate() {
         maps.push(*name, (0..200).map(|i| i as f32 * 0.5 + k as f32).collect());
     }
@@ -38,13 +38,13 @@ fn a_header_that_states_more_than_the_file_can_hold_is_refused() {
         let sentence = read_exr(&path).unwrap_err().to_string();
         assert!(sentence.contains("a.exr") && clock.elapsed().as_secs() < 2, "{sentence}");
     }
-    let mut even = Maps::new(2000, 2000);
+    let mut even = ChannelMaps::new(2000, 2000);
     even.push("Y", vec![0.0; 4_000_000]);
     write_exr(&path, &even, Packing::Zip).unwrap();
     assert!(std::fs::metadata(&path).unwrap().len() < 4 * 4_000_000 / 200);
     assert_eq!(read_exr(&path).unwrap(), even);
     // The same for a large picture asks for memory that the file does not justify.
-    let mut even = Maps::new(12_000, 6000);
+    let mut even = ChannelMaps::new(12_000, 6000);
     even.push("Y", vec![0.0; 12_000 * 6000]);
     write_exr(&path, &even, Packing::Zip).unwrap();
     let sentence = read_exr(&path).unwrap_err().to_string();

@@ -6,7 +6,7 @@
 //! change of them voids the reference, so both spectra of a file were taken with the same ones, and these cancel. The
 //! dark current does not cancel and must have been subtracted.
 
-use super::{File, Form, Quantity, Unit};
+use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
 
 /// Bytes of the header.
 const HEADER: usize = 484;
@@ -100,7 +100,7 @@ fn median(values: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-pub(super) fn read(bytes: &[u8], name: &str) -> Result<File, String> {
+pub(super) fn read(bytes: &[u8], name: &str) -> Result<InstrumentFile, String> {
     let version = version(bytes).ok_or("the first bytes name no version")?;
     let bytes = Bytes(bytes);
     if bytes.0.len() < HEADER {
@@ -123,31 +123,40 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<File, String> {
         let there = (bytes.0.len() - HEADER) / kind.bytes();
         format!("the file ends after {there} of the {n} channels that its header states")
     })?;
-    let mut file = File::new(Form::Asd, name, (0..n).map(|k| start + step * k as f64));
+    let mut file = InstrumentFile::new(InstrumentFormat::Asd, name, (0..n).map(|k| start + step * k as f64));
     let program = bytes.byte(at::PROGRAM).map_or_else(String::new, |b| format!(", program {}.{}", b >> 4, b & 15));
     file.instrument = Some(format!("file version {version}{program}"));
     let code = bytes.byte(at::DATA_TYPE).ok_or_else(cut)?;
     let stored = match code {
-        0 => Quantity::Counts,
-        1 => Quantity::Reflectance,
-        2 => Quantity::Radiance,
-        4 => Quantity::Irradiance,
-        6 => Quantity::Transmittance,
-        8 => Quantity::Absorbance,
-        _ => Quantity::Unknown,
+        0 => SpectrumQuantity::Counts,
+        1 => SpectrumQuantity::Reflectance,
+        2 => SpectrumQuantity::Radiance,
+        4 => SpectrumQuantity::Irradiance,
+        6 => SpectrumQuantity::Transmittance,
+        8 => SpectrumQuantity::Absorbance,
+        _ => SpectrumQuantity::Unknown,
     };
-    let result = if stored == Quantity::Transmittance { Quantity::Transmittance } else { Quantity::Reflectance };
+    let result = if stored == SpectrumQuantity::Transmittance {
+        SpectrumQuantity::Transmittance
+    } else {
+        SpectrumQuantity::Reflectance
+    };
     let reference = reference(&bytes, version, end, n, kind);
     let has_reference = matches!(reference, Ok(Some(_)));
     // Reflectances are about 1 at most, counts are hundreds and more.
     let divided = stored == result && median(&spectrum).abs() <= 2.0;
-    file.holds = vec![(if stored == result && !divided { Quantity::Counts } else { stored }, 1)];
+    file.holds = vec![(if stored == result && !divided { SpectrumQuantity::Counts } else { stored }, 1)];
     if has_reference {
         file.notes.push("the file holds the spectrum of its white reference".into());
     }
     let values = match (stored, reference) {
-        (Quantity::Counts | Quantity::Reflectance | Quantity::Transmittance, _) if divided => Ok(spectrum),
-        (Quantity::Counts | Quantity::Reflectance | Quantity::Transmittance, Ok(Some(white))) => {
+        (SpectrumQuantity::Counts | SpectrumQuantity::Reflectance | SpectrumQuantity::Transmittance, _) if divided => {
+            Ok(spectrum)
+        }
+        (
+            SpectrumQuantity::Counts | SpectrumQuantity::Reflectance | SpectrumQuantity::Transmittance,
+            Ok(Some(white)),
+        ) => {
             if bytes.byte(at::DARK_CORRECTED) == Some(0) {
                 Err("it holds raw counts from which the dark current was not subtracted, so they are not proportional \
                      to the light; measure the dark current, or export the reflectance with ASD's program"
@@ -161,12 +170,12 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<File, String> {
                 Ok(spectrum.iter().zip(&white).map(|(s, w)| if *w > 0.0 { s / w } else { f64::NAN }).collect())
             }
         }
-        (Quantity::Counts | Quantity::Reflectance | Quantity::Transmittance, Ok(None)) => {
+        (SpectrumQuantity::Counts | SpectrumQuantity::Reflectance | SpectrumQuantity::Transmittance, Ok(None)) => {
             Err("it holds raw counts without a white reference, and counts alone are no reflectance; save the white \
                  reference with the file, or export the reflectance with ASD's program"
                 .into())
         }
-        (Quantity::Counts | Quantity::Reflectance | Quantity::Transmittance, Err(why)) => {
+        (SpectrumQuantity::Counts | SpectrumQuantity::Reflectance | SpectrumQuantity::Transmittance, Err(why)) => {
             Err(format!("it holds raw counts, and {why}"))
         }
         _ => Err(format!("it holds {stored} (data type {code}); export the reflectance with ASD's program")),
@@ -178,8 +187,8 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<File, String> {
             return Ok(file);
         }
     };
-    file.unit = Some(Unit::Share);
-    if result == Quantity::Reflectance {
+    file.unit = Some(ReflectanceUnit::Share);
+    if result == SpectrumQuantity::Reflectance {
         file.notes.push("it is relative to the white panel, whose own reflectance the file does not state".into());
     }
     let saturated = saturated(&bytes, &mut file.notes);

@@ -2,9 +2,9 @@
 //! `Wavelength` and the names of the spectra, then a line a wavelength.
 
 use super::text::{left_out, lines, number, wavelength};
-use super::{File, Form, Quantity, Reading, Unit};
+use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectralReading, SpectrumQuantity};
 
-pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
+pub(super) fn read(text: &str, name: &str) -> Result<InstrumentFile, String> {
     let mut rest = lines(text).filter(|(_, line)| !line.trim().is_empty());
     let mut told = String::new();
     let header = loop {
@@ -34,7 +34,7 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
         return Err("no line after `Wavelength` holds a wavelength and a reading".into());
     }
     let n = rows.iter().map(|r| r.1.len()).max().unwrap_or(1);
-    let mut file = File::new(Form::AsdText, name, rows.iter().map(|r| r.0));
+    let mut file = InstrumentFile::new(InstrumentFormat::AsdText, name, rows.iter().map(|r| r.0));
     file.notes.extend(left_out(&bad));
     if leaves.len() == n {
         file.leaves = leaves.iter().map(|leaf| leaf.trim_end_matches(".asd").to_string()).collect();
@@ -43,29 +43,29 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
     }
     let says = |what: &str| told.contains(what);
     let quantity = match () {
-        () if says("transmittance") => Quantity::Transmittance,
-        () if says("not compared to a white reference") && says("radiance") => Quantity::Radiance,
-        () if says("not compared to a white reference") => Quantity::Counts,
-        () if says("compared to a white reference") || says("reflectance") => Quantity::Reflectance,
-        () => Quantity::Unknown,
+        () if says("transmittance") => SpectrumQuantity::Transmittance,
+        () if says("not compared to a white reference") && says("radiance") => SpectrumQuantity::Radiance,
+        () if says("not compared to a white reference") => SpectrumQuantity::Counts,
+        () if says("compared to a white reference") || says("reflectance") => SpectrumQuantity::Reflectance,
+        () => SpectrumQuantity::Unknown,
     };
     file.holds = vec![(quantity, n)];
-    if !matches!(quantity, Quantity::Reflectance | Quantity::Transmittance) {
+    if !matches!(quantity, SpectrumQuantity::Reflectance | SpectrumQuantity::Transmittance) {
         file.barred =
             Some(format!("it holds {quantity} that were not divided by a white reference; export the reflectance"));
         return Ok(file);
     }
-    file.unit = Some(Unit::Share);
+    file.unit = Some(ReflectanceUnit::Share);
     file.notes.push("it is relative to the white panel, whose own reflectance the file does not state".into());
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
     for leaf in 0..n {
         let value =
             |values: &[f64], of| if of == quantity { values.get(leaf).copied() } else { None }.unwrap_or(f64::NAN);
-        file.readings.extend(rows.iter().map(|(wavelength, values)| Reading {
+        file.readings.extend(rows.iter().map(|(wavelength, values)| SpectralReading {
             leaf,
             wavelength: *wavelength,
-            r: value(values, Quantity::Reflectance),
-            t: value(values, Quantity::Transmittance),
+            r: value(values, SpectrumQuantity::Reflectance),
+            t: value(values, SpectrumQuantity::Transmittance),
             index: f64::NAN,
             thickness_mm: f64::NAN,
         }));

@@ -2,7 +2,7 @@
 //! (nm) as names of columns behind `Wavelengths(nm)`. All values are per cent.
 
 use super::text::{lines, number, wavelength};
-use super::{File, Form, Quantity, Reading, Unit};
+use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectralReading, SpectrumQuantity};
 
 /// A silicon detector sees no light beyond these wavelengths (nm), and the lamp of the instrument ends before them.
 /// What the table has there is noise, such as a reflectance of 284 %.
@@ -28,19 +28,19 @@ pub(super) fn is_header(line: &str) -> bool {
 }
 
 /// The quantity that a row's mode names.
-fn quantity(mode: &str) -> Quantity {
+fn quantity(mode: &str) -> SpectrumQuantity {
     let mode = mode.to_ascii_lowercase();
     match () {
-        () if mode.starts_with("reflect") => Quantity::Reflectance,
-        () if mode.starts_with("transmi") => Quantity::Transmittance,
-        () if mode.starts_with("absor") => Quantity::Absorbance,
-        () if mode.starts_with("raw") || mode.contains("count") || mode.contains("scope") => Quantity::Counts,
-        () if mode.contains("irradiance") => Quantity::Irradiance,
-        () => Quantity::Unknown,
+        () if mode.starts_with("reflect") => SpectrumQuantity::Reflectance,
+        () if mode.starts_with("transmi") => SpectrumQuantity::Transmittance,
+        () if mode.starts_with("absor") => SpectrumQuantity::Absorbance,
+        () if mode.starts_with("raw") || mode.contains("count") || mode.contains("scope") => SpectrumQuantity::Counts,
+        () if mode.contains("irradiance") => SpectrumQuantity::Irradiance,
+        () => SpectrumQuantity::Unknown,
     }
 }
 
-pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
+pub(super) fn read(text: &str, name: &str) -> Result<InstrumentFile, String> {
     let mut rest = lines(text).filter(|(_, line)| !line.trim().is_empty());
     let (_, header) = rest.next().ok_or("the file is empty")?;
     let separator = separator(header).ok_or("the header has no column Mode")?;
@@ -58,8 +58,8 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
     if columns.is_empty() {
         return Err("no number follows Wavelengths(nm) in the header".into());
     }
-    let mut file = File::new(Form::Ci710, name, columns.iter().map(|c| c.1));
-    (file.leaves, file.unit) = (Vec::new(), Some(Unit::PerCent));
+    let mut file = InstrumentFile::new(InstrumentFormat::Ci710, name, columns.iter().map(|c| c.1));
+    (file.leaves, file.unit) = (Vec::new(), Some(ReflectanceUnit::PerCent));
     // For each leaf the rows of its reflectance and of its transmittance.
     let mut leaves: Vec<(String, [Option<Vec<f64>>; 2])> = Vec::new();
     for (_, line) in rest {
@@ -69,7 +69,9 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
             Some((_, n)) => *n += 1,
             None => file.holds.push((quantity, 1)),
         }
-        let Some(place) = [Quantity::Reflectance, Quantity::Transmittance].iter().position(|q| *q == quantity) else {
+        let Some(place) =
+            [SpectrumQuantity::Reflectance, SpectrumQuantity::Transmittance].iter().position(|q| *q == quantity)
+        else {
             continue;
         };
         let values = columns.iter().map(|(k, _)| row.get(*k).and_then(|c| number(c)).unwrap_or(f64::NAN)).collect();
@@ -88,9 +90,9 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
         file.leaves.push(if earlier == 0 { tag.clone() } else { format!("{tag} {}", earlier + 1) });
         let value = |place: usize, k: usize| values[place].as_ref().map_or(f64::NAN, |v| v[k]);
         let seen = |w: f64| (SEEN[0]..=SEEN[1]).contains(&w);
-        let mut readings: Vec<Reading> = (columns.iter().enumerate())
+        let mut readings: Vec<SpectralReading> = (columns.iter().enumerate())
             .filter(|(_, (_, w))| seen(*w))
-            .map(|(k, (_, wavelength))| Reading {
+            .map(|(k, (_, wavelength))| SpectralReading {
                 leaf,
                 wavelength: *wavelength,
                 r: value(0, k),

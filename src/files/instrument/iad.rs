@@ -12,7 +12,7 @@
 //! takes that off again.
 
 use super::text::lines;
-use super::{File, Form, Quantity, Reading, Unit};
+use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectralReading, SpectrumQuantity};
 
 pub(super) fn is_first_line(line: &str) -> bool {
     line.strip_prefix("IAD")
@@ -34,7 +34,7 @@ const FIXED: [char; 7] = ['r', 't', 'u', 'w', 'W', 'R', 'T'];
 /// All letters that name columns.
 const LETTERS: &str = "aAbBcCdDeEfFgiLMnNqrRStTuwW";
 
-pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
+pub(super) fn read(text: &str, name: &str) -> Result<InstrumentFile, String> {
     if !text.trim_start().starts_with("IAD1") {
         return Err("it is of the old form without the 1 of IAD1, which iad itself no longer reads".into());
     }
@@ -100,19 +100,21 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
     if rows.is_empty() {
         return Err("no reading follows the header".into());
     }
-    let mut file = File::new(Form::Iad, name, rows.iter().map(|r| r.0).filter(|w| !w.is_nan()));
+    let mut file = InstrumentFile::new(InstrumentFormat::Iad, name, rows.iter().map(|r| r.0).filter(|w| !w.is_nan()));
     if file.range.is_none() {
         file.wavelengths = rows.len();
         file.notes.push("its readings have no wavelengths".into());
     }
-    (file.thickness_mm, file.index, file.unit) = (Some(thickness), Some(index), Some(Unit::Share));
+    (file.thickness_mm, file.index, file.unit) = (Some(thickness), Some(index), Some(ReflectanceUnit::Share));
     let of = |values: &[f64], label: char| labels.iter().position(|l| *l == label).map_or(f64::NAN, |k| values[k]);
     let column = |label: char| rows.iter().map(move |(_, values)| of(values, label)).filter(|v| !v.is_nan());
     // A 0 stands for what was not measured.
     let measured = |values: &[f64], label: char| Some(of(values, label)).filter(|v| *v != 0.0).unwrap_or(f64::NAN);
-    for (label, quantity) in
-        [('r', Quantity::Reflectance), ('t', Quantity::Transmittance), ('u', Quantity::Unscattered)]
-    {
+    for (label, quantity) in [
+        ('r', SpectrumQuantity::Reflectance),
+        ('t', SpectrumQuantity::Transmittance),
+        ('u', SpectrumQuantity::Unscattered),
+    ] {
         if rows.iter().any(|(_, values)| !measured(values, label).is_nan()) {
             file.holds.push((quantity, 1));
         }
@@ -131,7 +133,7 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
                 .into(),
         );
     }
-    if file.has(Quantity::Unscattered) {
+    if file.has(SpectrumQuantity::Unscattered) {
         file.notes.push("the unscattered transmittance is not used".into());
     }
     if file.barred.is_some() {
@@ -140,7 +142,7 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
     file.readings = rows
         .iter()
-        .map(|(wavelength, values)| Reading {
+        .map(|(wavelength, values)| SpectralReading {
             leaf: 0,
             wavelength: *wavelength,
             r: measured(values, 'r'),

@@ -5,7 +5,7 @@
 
 use super::join::joined;
 use super::text::{left_out, lines, number, wavelength};
-use super::{File, Form, Quantity, Unit};
+use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
 
 pub(super) fn is_li180(line: &str) -> bool {
     line.split('\t').map(str::trim).eq(["Model Name", "LI-180"])
@@ -17,7 +17,7 @@ pub(super) fn is_li1800(head: &str) -> bool {
     quoted("LIMS:") && quoted("INT:")
 }
 
-pub(super) fn li180(text: &str, name: &str) -> Result<File, String> {
+pub(super) fn li180(text: &str, name: &str) -> Result<InstrumentFile, String> {
     let readings: Vec<f64> = lines(text)
         .filter_map(|(_, line)| line.split_once('\t'))
         .filter(|(_, value)| number(value).is_some())
@@ -26,9 +26,9 @@ pub(super) fn li180(text: &str, name: &str) -> Result<File, String> {
     if readings.is_empty() {
         return Err("no line holds a wavelength and its reading".into());
     }
-    let mut file = File::new(Form::Li180, name, readings.into_iter());
+    let mut file = InstrumentFile::new(InstrumentFormat::Li180, name, readings.into_iter());
     file.instrument = Some("LI-180".into());
-    file.holds = vec![(Quantity::Irradiance, 1)];
+    file.holds = vec![(SpectrumQuantity::Irradiance, 1)];
     file.barred = Some(
         "it holds the spectral irradiance of a light, and no command takes the spectrum of a light; a leaf needs a \
          reflectance or a transmittance"
@@ -37,7 +37,7 @@ pub(super) fn li180(text: &str, name: &str) -> Result<File, String> {
     Ok(file)
 }
 
-pub(super) fn li1800(text: &str, name: &str) -> Result<File, String> {
+pub(super) fn li1800(text: &str, name: &str) -> Result<InstrumentFile, String> {
     let (mut remark, mut points, mut bad) = (String::new(), Vec::new(), Vec::new());
     for (at, line) in lines(text).filter(|(_, line)| !line.trim().is_empty()) {
         if let Some(quoted) = line.trim().strip_prefix('"') {
@@ -55,25 +55,25 @@ pub(super) fn li1800(text: &str, name: &str) -> Result<File, String> {
     if points.is_empty() {
         return Err("no line holds a wavelength and its reading".into());
     }
-    let mut file = File::new(Form::Li1800, name, points.iter().map(|p| p[0]));
+    let mut file = InstrumentFile::new(InstrumentFormat::Li1800, name, points.iter().map(|p| p[0]));
     file.instrument = Some("LI-1800".into());
     file.notes.extend(left_out(&bad));
     let names = |what: &str| remark.split(|c: char| !c.is_ascii_alphabetic()).any(|word| word.starts_with(what));
     let quantity = match () {
-        () if names("REFL") => Quantity::Reflectance,
-        () if names("TRAN") => Quantity::Transmittance,
-        () if names("ABS") => Quantity::Absorbance,
-        () if names("QNTM") => Quantity::Irradiance,
-        () => Quantity::Unknown,
+        () if names("REFL") => SpectrumQuantity::Reflectance,
+        () if names("TRAN") => SpectrumQuantity::Transmittance,
+        () if names("ABS") => SpectrumQuantity::Absorbance,
+        () if names("QNTM") => SpectrumQuantity::Irradiance,
+        () => SpectrumQuantity::Unknown,
     };
     file.holds = vec![(quantity, 1)];
-    if matches!(quantity, Quantity::Reflectance | Quantity::Transmittance) {
+    if matches!(quantity, SpectrumQuantity::Reflectance | SpectrumQuantity::Transmittance) {
         let joined = joined(&points)?;
-        file.unit = Some(Unit::Share);
+        file.unit = Some(ReflectanceUnit::Share);
         file.spectrum(quantity, joined.kept.iter().map(|&k| points[k]));
     } else {
         let held = match quantity {
-            Quantity::Unknown => {
+            SpectrumQuantity::Unknown => {
                 format!("its remark {remark:?} names neither a reflectance (REFL) nor a transmittance (TRAN)")
             }
             held => format!("it holds {held}"),

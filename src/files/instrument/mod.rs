@@ -10,16 +10,16 @@ mod ci710;
 mod iad;
 mod join;
 mod licor;
-mod long;
+mod long_form;
 mod spectral_evolution;
-mod stated;
+mod statement;
 mod svc;
 #[cfg(test)]
 mod tests;
 mod text;
 mod xlsx;
 
-pub use stated::Stated;
+pub use statement::InstrumentStatement;
 
 use crate::{Error, Result, atomic};
 use std::io::{self, Read};
@@ -32,7 +32,7 @@ const MOST_BYTES: u64 = 1 << 28;
 
 /// A form that an instrument or its program writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumIter)]
-pub enum Form {
+pub enum InstrumentFormat {
     /// Text of Spectra Vista's and GER's field spectrometers, `.sig`.
     SpectraVista,
     /// Text of Spectral Evolution's field spectrometers, `.sed`.
@@ -53,19 +53,19 @@ pub enum Form {
     Xlsx,
 }
 
-impl Form {
+impl InstrumentFormat {
     /// The form in words, with its article.
     pub fn name(self) -> &'static str {
         match self {
-            Form::SpectraVista => "a Spectra Vista .sig file",
-            Form::SpectralEvolution => "a Spectral Evolution .sed file",
-            Form::Asd => "an ASD .asd file",
-            Form::AsdText => "a text that ASD's ViewSpec exported",
-            Form::Ci710 => "a CI-710s table",
-            Form::Iad => "an iad .rxt file",
-            Form::Li180 => "a LI-COR LI-180 text",
-            Form::Li1800 => "a LI-COR LI-1800 .PRN text",
-            Form::Xlsx => "an Excel workbook (.xlsx)",
+            InstrumentFormat::SpectraVista => "a Spectra Vista .sig file",
+            InstrumentFormat::SpectralEvolution => "a Spectral Evolution .sed file",
+            InstrumentFormat::Asd => "an ASD .asd file",
+            InstrumentFormat::AsdText => "a text that ASD's ViewSpec exported",
+            InstrumentFormat::Ci710 => "a CI-710s table",
+            InstrumentFormat::Iad => "an iad .rxt file",
+            InstrumentFormat::Li180 => "a LI-COR LI-180 text",
+            InstrumentFormat::Li1800 => "a LI-COR LI-1800 .PRN text",
+            InstrumentFormat::Xlsx => "an Excel workbook (.xlsx)",
         }
     }
 }
@@ -73,7 +73,7 @@ impl Form {
 /// What a spectrum holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, strum::Display)]
 #[strum(serialize_all = "lowercase")]
-pub enum Quantity {
+pub enum SpectrumQuantity {
     /// Reflectance, relative to a white reference.
     Reflectance,
     /// Transmittance.
@@ -98,7 +98,7 @@ pub enum Quantity {
 /// Unit of reflectances and transmittances.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display)]
 #[strum(serialize_all = "lowercase")]
-pub enum Unit {
+pub enum ReflectanceUnit {
     /// 0 to 1.
     Share,
     /// 0 to 100.
@@ -108,7 +108,7 @@ pub enum Unit {
 
 /// Readings at one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reading {
+pub struct SpectralReading {
     /// Place of the leaf's name in [`File::leaves`].
     pub leaf: usize,
     /// In nm; NaN where the form has none.
@@ -125,15 +125,15 @@ pub struct Reading {
 
 /// A file of an instrument.
 #[derive(Debug, Clone, PartialEq)]
-pub struct File {
+pub struct InstrumentFile {
     /// Its form.
-    pub form: Form,
+    pub form: InstrumentFormat,
     /// The instrument and, where forms have several, the version, as the file names them.
     pub instrument: Option<String>,
     /// All quantities that the file holds, with the number of their spectra.
-    pub holds: Vec<(Quantity, usize)>,
+    pub holds: Vec<(SpectrumQuantity, usize)>,
     /// Unit of reflectance and transmittance, where the form states it.
-    pub unit: Option<Unit>,
+    pub unit: Option<ReflectanceUnit>,
     /// Range of all wavelengths in the file (nm); `None` where it has none.
     pub range: Option<[f64; 2]>,
     /// How many wavelengths it has; rows where it has no wavelengths.
@@ -141,7 +141,7 @@ pub struct File {
     /// Names of leaves or samples.
     pub leaves: Vec<String>,
     /// What can be computed with, ascending by wavelength for each leaf; empty where `barred` says why.
-    pub readings: Vec<Reading>,
+    pub readings: Vec<SpectralReading>,
     /// Thickness of the sample (mm), where the form states one for all readings.
     pub thickness_mm: Option<f64>,
     /// Refractive index of the sample, where the form states one.
@@ -154,15 +154,15 @@ pub struct File {
     pub barred: Option<String>,
 }
 
-impl File {
+impl InstrumentFile {
     /// A file of one sample without readings yet. `wavelengths` in nm, in any order.
-    fn new(form: Form, name: &str, wavelengths: impl Iterator<Item = f64>) -> File {
+    fn new(form: InstrumentFormat, name: &str, wavelengths: impl Iterator<Item = f64>) -> InstrumentFile {
         let (mut range, mut count) = (None, 0);
         for w in wavelengths {
             let [low, high] = range.unwrap_or([w, w]);
             (range, count) = (Some([w.min(low), w.max(high)]), count + 1);
         }
-        File {
+        InstrumentFile {
             form,
             instrument: None,
             holds: Vec::new(),
@@ -180,20 +180,20 @@ impl File {
     }
 
     /// Adds a spectrum of the first leaf: wavelengths (nm) and values of reflectance or transmittance.
-    fn spectrum(&mut self, quantity: Quantity, points: impl Iterator<Item = [f64; 2]>) {
-        let place = |value: f64, of: Quantity| if of == quantity { value } else { f64::NAN };
-        self.readings.extend(points.map(|[wavelength, value]| Reading {
+    fn spectrum(&mut self, quantity: SpectrumQuantity, points: impl Iterator<Item = [f64; 2]>) {
+        let place = |value: f64, of: SpectrumQuantity| if of == quantity { value } else { f64::NAN };
+        self.readings.extend(points.map(|[wavelength, value]| SpectralReading {
             leaf: 0,
             wavelength,
-            r: place(value, Quantity::Reflectance),
-            t: place(value, Quantity::Transmittance),
+            r: place(value, SpectrumQuantity::Reflectance),
+            t: place(value, SpectrumQuantity::Transmittance),
             index: f64::NAN,
             thickness_mm: f64::NAN,
         }));
     }
 
     /// Whether it holds this quantity.
-    pub fn has(&self, quantity: Quantity) -> bool {
+    pub fn has(&self, quantity: SpectrumQuantity) -> bool {
         self.holds.iter().any(|(q, n)| *q == quantity && *n > 0)
     }
 
@@ -205,24 +205,24 @@ impl File {
 
 /// The form of the file that begins with these bytes ([`HEAD`] are enough); `None` for everything else, plain tables
 /// among it.
-pub fn recognise(head: &[u8]) -> Option<Form> {
+pub fn recognise(head: &[u8]) -> Option<InstrumentFormat> {
     if asd::version(head).is_some() {
-        return Some(Form::Asd);
+        return Some(InstrumentFormat::Asd);
     }
     if xlsx::is_workbook(head) {
-        return Some(Form::Xlsx);
+        return Some(InstrumentFormat::Xlsx);
     }
     let head = text::decode(&head[..head.len().min(HEAD)]);
     let first = text::lines(&head).map(|(_, line)| line.trim()).find(|line| !line.is_empty())?;
     let has = |what: &str| head.contains(what);
     Some(match () {
-        () if svc::is_first_line(first) => Form::SpectraVista,
-        () if has("Text conversion of header file") || has("New ASD spectrum file") => Form::AsdText,
-        () if iad::is_first_line(first) => Form::Iad,
-        () if ci710::is_header(first) => Form::Ci710,
-        () if licor::is_li180(first) => Form::Li180,
-        () if licor::is_li1800(&head) => Form::Li1800,
-        () if spectral_evolution::is_header(&head) => Form::SpectralEvolution,
+        () if svc::is_first_line(first) => InstrumentFormat::SpectraVista,
+        () if has("Text conversion of header file") || has("New ASD spectrum file") => InstrumentFormat::AsdText,
+        () if iad::is_first_line(first) => InstrumentFormat::Iad,
+        () if ci710::is_header(first) => InstrumentFormat::Ci710,
+        () if licor::is_li180(first) => InstrumentFormat::Li180,
+        () if licor::is_li1800(&head) => InstrumentFormat::Li1800,
+        () if spectral_evolution::is_header(&head) => InstrumentFormat::SpectralEvolution,
         () => return None,
     })
 }
@@ -233,19 +233,19 @@ pub fn recognise(head: &[u8]) -> Option<Form> {
 /// # Errors
 /// The sentence that says what is wrong with the file. A sound file that nothing can be computed with is no error: see
 /// [`File::barred`].
-pub fn read(bytes: &[u8], name: &str) -> std::result::Result<File, String> {
+pub fn read(bytes: &[u8], name: &str) -> std::result::Result<InstrumentFile, String> {
     let form = recognise(bytes).ok_or("no form of an instrument is recognised")?;
     let text = || text::decode(bytes);
     match form {
-        Form::Asd => asd::read(bytes, name),
-        Form::Xlsx => Err("a workbook holds a table; it is read as such".into()),
-        Form::SpectraVista => svc::read(&text(), name),
-        Form::SpectralEvolution => spectral_evolution::read(&text(), name),
-        Form::AsdText => asd_text::read(&text(), name),
-        Form::Ci710 => ci710::read(&text(), name),
-        Form::Iad => iad::read(&text(), name),
-        Form::Li180 => licor::li180(&text(), name),
-        Form::Li1800 => licor::li1800(&text(), name),
+        InstrumentFormat::Asd => asd::read(bytes, name),
+        InstrumentFormat::Xlsx => Err("a workbook holds a table; it is read as such".into()),
+        InstrumentFormat::SpectraVista => svc::read(&text(), name),
+        InstrumentFormat::SpectralEvolution => spectral_evolution::read(&text(), name),
+        InstrumentFormat::AsdText => asd_text::read(&text(), name),
+        InstrumentFormat::Ci710 => ci710::read(&text(), name),
+        InstrumentFormat::Iad => iad::read(&text(), name),
+        InstrumentFormat::Li180 => licor::li180(&text(), name),
+        InstrumentFormat::Li1800 => licor::li1800(&text(), name),
     }
     .map_err(|why| format!("{}: {why}", form.name()))
 }
@@ -255,7 +255,7 @@ pub fn read(bytes: &[u8], name: &str) -> std::result::Result<File, String> {
 /// # Errors
 /// The sentence that says what is wrong with the file.
 pub fn sheet(bytes: &[u8]) -> std::result::Result<(Vec<u8>, Vec<String>), String> {
-    xlsx::sheet(bytes).map_err(|why| format!("{}: {why}", Form::Xlsx.name()))
+    xlsx::sheet(bytes).map_err(|why| format!("{}: {why}", InstrumentFormat::Xlsx.name()))
 }
 
 /// A table from a file of any form. Where `source` begins like a file of an instrument, its spectra come back as CSV
@@ -264,7 +264,10 @@ pub fn sheet(bytes: &[u8]) -> std::result::Result<(Vec<u8>, Vec<String>), String
 /// # Errors
 /// A file of an instrument that cannot be read, and one with which nothing can be computed: the sentence names the
 /// form and what helps.
-pub fn through(mut source: Box<dyn Read + Send>, path: &Path) -> Result<(Box<dyn Read + Send>, Option<Stated>)> {
+pub fn through(
+    mut source: Box<dyn Read + Send>,
+    path: &Path,
+) -> Result<(Box<dyn Read + Send>, Option<InstrumentStatement>)> {
     let unreadable = |e: io::Error| Error::input(path, atomic::explain(&e));
     let mut bytes = Vec::with_capacity(HEAD);
     source.by_ref().take(HEAD as u64).read_to_end(&mut bytes).map_err(unreadable)?;
@@ -272,15 +275,15 @@ pub fn through(mut source: Box<dyn Read + Send>, path: &Path) -> Result<(Box<dyn
         return Ok((Box::new(io::Cursor::new(bytes).chain(source)), None));
     };
     let bytes = whole(bytes, source, path)?;
-    let (table, stated) = if form == Form::Xlsx {
+    let (table, stated) = if form == InstrumentFormat::Xlsx {
         let (table, notes) = sheet(&bytes).map_err(|why| Error::input(path, why))?;
-        (table, Stated::of_sheet(notes))
+        (table, InstrumentStatement::of_sheet(notes))
     } else {
         let file = read(&bytes, &sample(path)).map_err(|why| Error::input(path, why))?;
         if let Some(why) = &file.barred {
             return Err(Error::input(path, format!("{}: {why}", form.name())));
         }
-        (long::table(&file), Stated::of(&file))
+        (long_form::table(&file), InstrumentStatement::of(&file))
     };
     stated.say(path);
     Ok((Box::new(io::Cursor::new(table)), Some(stated)))
@@ -294,7 +297,7 @@ pub fn whole(head: Vec<u8>, rest: impl Read, path: &Path) -> Result<Vec<u8>> {
     let mut bytes = head;
     rest.take(MOST_BYTES).read_to_end(&mut bytes).map_err(|e| Error::input(path, atomic::explain(&e)))?;
     if bytes.len() as u64 > MOST_BYTES {
-        let form = recognise(&bytes).map_or("a file", Form::name);
+        let form = recognise(&bytes).map_or("a file", InstrumentFormat::name);
         return Err(Error::input(path, format!("{form} of more than {} MB is too long", MOST_BYTES >> 20)));
     }
     Ok(bytes)

@@ -7,7 +7,7 @@
 
 use super::join::joined;
 use super::text::{left_out, lines, number, pair, wavelength};
-use super::{File, Form, Quantity, Unit};
+use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
 use std::collections::HashMap;
 
 /// Keys that every such file has before its data.
@@ -19,32 +19,32 @@ pub(super) fn is_header(head: &str) -> bool {
 
 /// A column of values.
 struct Column {
-    quantity: Quantity,
-    unit: Option<Unit>,
+    quantity: SpectrumQuantity,
+    unit: Option<ReflectanceUnit>,
 }
 
 /// What a column holds, by its name. `transmitting`: whether transmittances were measured.
 fn column(name: &str, transmitting: bool) -> Column {
     let name = name.to_ascii_lowercase();
     let unit = match () {
-        () if name.contains('%') => Some(Unit::PerCent),
-        () if name.contains("[1.0]") => Some(Unit::Share),
+        () if name.contains('%') => Some(ReflectanceUnit::PerCent),
+        () if name.contains("[1.0]") => Some(ReflectanceUnit::Share),
         () => None,
     };
     let ratio = name.starts_with("reflect") || name.starts_with("tgt./ref") || name.starts_with("tgt/ref");
     let quantity = match () {
-        () if name.starts_with("trans") || (ratio && transmitting) => Quantity::Transmittance,
-        () if ratio => Quantity::Reflectance,
-        () if name.starts_with("abs") => Quantity::Absorbance,
-        () if name.starts_with("irr") => Quantity::Irradiance,
-        () if name.starts_with("rad") => Quantity::Radiance,
-        () if name.contains("dn") => Quantity::Counts,
-        () => Quantity::Unknown,
+        () if name.starts_with("trans") || (ratio && transmitting) => SpectrumQuantity::Transmittance,
+        () if ratio => SpectrumQuantity::Reflectance,
+        () if name.starts_with("abs") => SpectrumQuantity::Absorbance,
+        () if name.starts_with("irr") => SpectrumQuantity::Irradiance,
+        () if name.starts_with("rad") => SpectrumQuantity::Radiance,
+        () if name.contains("dn") => SpectrumQuantity::Counts,
+        () => SpectrumQuantity::Unknown,
     };
     Column { quantity, unit }
 }
 
-pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
+pub(super) fn read(text: &str, name: &str) -> Result<InstrumentFile, String> {
     let mut header: HashMap<String, String> = HashMap::new();
     let mut rest = lines(text).filter(|(_, line)| !line.trim().is_empty());
     loop {
@@ -76,9 +76,9 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
     let of = |key: &str| header.get(key).map(String::as_str).unwrap_or_default();
     let transmitting = of("measurement").to_ascii_lowercase().contains("transmi");
     let columns: Vec<Column> = names.iter().map(|name| column(name, transmitting)).collect();
-    let mut file = File::new(Form::SpectralEvolution, name, rows.iter().map(|r| r[across]));
+    let mut file = InstrumentFile::new(InstrumentFormat::SpectralEvolution, name, rows.iter().map(|r| r[across]));
     file.instrument = header.get("instrument").filter(|i| !i.is_empty()).cloned();
-    let wanted = |c: &Column| matches!(c.quantity, Quantity::Reflectance | Quantity::Transmittance);
+    let wanted = |c: &Column| matches!(c.quantity, SpectrumQuantity::Reflectance | SpectrumQuantity::Transmittance);
     for (k, c) in columns.iter().enumerate().filter(|(k, _)| *k != across && !names[*k].starts_with("Chan")) {
         if wanted(c) && file.readings.is_empty() {
             let points: Vec<[f64; 2]> = rows.iter().map(|r| [r[across], r[k]]).collect();

@@ -6,7 +6,7 @@
 
 use super::join::joined;
 use super::text::{left_out, lines, number, pair, wavelength};
-use super::{File, Form, Quantity, Unit};
+use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
 use std::collections::HashMap;
 
 /// `/*** Spectra Vista SIG Data ***/`, `/*** Spectra Vista HR-1024 ***/`, `///GER SIGNATUR FILE///`.
@@ -14,7 +14,7 @@ pub(super) fn is_first_line(line: &str) -> bool {
     line.starts_with("/*** Spectra Vista") || line.starts_with("///GER SIGNATUR") || line.starts_with("///GER ASCII")
 }
 
-pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
+pub(super) fn read(text: &str, name: &str) -> Result<InstrumentFile, String> {
     let mut header: HashMap<String, String> = HashMap::new();
     // Wavelength, reference, target, reflectance (NaN where the line ends before it).
     let mut rows: Vec<[f64; 4]> = Vec::new();
@@ -46,14 +46,14 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
         });
     }
     let of = |key: &str| header.get(key).map(String::as_str).unwrap_or_default();
-    let mut file = File::new(Form::SpectraVista, name, rows.iter().map(|r| r[0]));
+    let mut file = InstrumentFile::new(InstrumentFormat::SpectraVista, name, rows.iter().map(|r| r[0]));
     file.instrument = header.get("instrument").filter(|i| !i.is_empty()).cloned();
     let units = of("units").to_ascii_lowercase();
     let light = match () {
-        () if units.contains("irradiance") => Quantity::Irradiance,
-        () if units.contains("radiance") => Quantity::Radiance,
-        () if units.contains("count") => Quantity::Counts,
-        () => Quantity::Unknown,
+        () if units.contains("irradiance") => SpectrumQuantity::Irradiance,
+        () if units.contains("radiance") => SpectrumQuantity::Radiance,
+        () if units.contains("count") => SpectrumQuantity::Counts,
+        () => SpectrumQuantity::Unknown,
     };
     file.holds = vec![(light, 2)];
     file.notes.extend(left_out(&bad));
@@ -64,7 +64,7 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
         ));
         return Ok(file);
     }
-    file.holds.push((Quantity::Reflectance, 1));
+    file.holds.push((SpectrumQuantity::Reflectance, 1));
     file.unit = Some(unit(&rows));
     let joined = joined(&rows.iter().map(|r| [r[0], r[3]]).collect::<Vec<_>>())?;
     file.notes.extend(joined.notes());
@@ -76,7 +76,7 @@ pub(super) fn read(text: &str, name: &str) -> Result<File, String> {
             format!("the instrument's program has removed the overlap of the detectors {places}").trim_end().into(),
         );
     }
-    file.spectrum(Quantity::Reflectance, joined.kept.iter().map(|&k| [rows[k][0], rows[k][3]]));
+    file.spectrum(SpectrumQuantity::Reflectance, joined.kept.iter().map(|&k| [rows[k][0], rows[k][3]]));
     Ok(file)
 }
 
@@ -94,9 +94,9 @@ fn row(line: &str) -> Option<[f64; 4]> {
 
 /// The form states per cent. Programs have written shares all the same, so the unit is taken from the file's own
 /// readings: the reflectance is the target over the reference.
-fn unit(rows: &[[f64; 4]]) -> Unit {
+fn unit(rows: &[[f64; 4]]) -> ReflectanceUnit {
     let mut scales: Vec<f64> = rows.iter().map(|r| r[3] * r[1] / r[2]).filter(|s| s.is_finite() && *s > 0.0).collect();
     scales.sort_by(f64::total_cmp);
     let share = scales.get(scales.len() / 2).is_some_and(|middle| (0.5..2.0).contains(middle));
-    if share { Unit::Share } else { Unit::PerCent }
+    if share { ReflectanceUnit::Share } else { ReflectanceUnit::PerCent }
 }

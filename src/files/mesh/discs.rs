@@ -1,7 +1,7 @@
 //! Discs from a plain list of numbers, the form of canopies in remote sensing.
 
 use super::LeafMesh;
-use crate::unit::Unit;
+use crate::unit::LengthUnit;
 use crate::{Error, Result, numbers};
 use glam::{DVec2, DVec3};
 use std::path::Path;
@@ -12,7 +12,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Input`] naming the file and the line or the disc: not seven numbers, a radius that is not positive, no
 /// direction.
-pub fn read_discs(path: &Path, unit: Unit) -> Result<LeafMesh> {
+pub fn read_discs(path: &Path, unit: LengthUnit) -> Result<LeafMesh> {
     let mut out = LeafMesh::default();
     for (k, [radius, x, y, z, u, v, w]) in
         numbers::read(path, "radius, centre x y z, normal x y z")?.into_iter().enumerate()

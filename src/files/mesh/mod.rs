@@ -9,14 +9,14 @@
 //! materials and animation in the file are not read.
 
 mod discs;
-mod doubled;
-mod read;
+mod duplicates;
+mod reader;
 #[cfg(test)]
 mod tests;
 
 pub use discs::read_discs;
-pub use doubled::Doubled;
-pub use read::{read, read_plain};
+pub use duplicates::DuplicateTriangles;
+pub use reader::{read, read_plain};
 
 use glam::{DMat4, DVec2, DVec3};
 

@@ -1,7 +1,7 @@
 //! Meshes as files: what is computed, what is refused, and how damaged files end.
 
 use super::*;
-use crate::unit::Unit;
+use crate::unit::LengthUnit;
 use std::path::Path;
 
 /// A dome over the unit square of texture coordinates, and the file it makes; `keep` says which attributes go in.
@@ -74,7 +74,7 @@ fn write(dir: &Path, json: &str, bytes: &[u8]) -> std::path::PathBuf {
 fn normals_and_tangents_are_computed_where_absent() {
     let dir = tempfile::tempdir().unwrap();
     let (json, bytes, truth) = dome_json(&["POSITION", "TEXCOORD_0"], Some("leaf.bin"));
-    let mesh = read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap();
+    let mesh = read(&write(dir.path(), &json, &bytes), Some(LengthUnit::Millimetre)).unwrap();
     assert_eq!(mesh.triangles(), truth.triangles());
     for k in 0..mesh.positions.len() {
         assert!(mesh.normals[k].dot(truth.normals[k]) > 0.995, "{:?} {:?}", mesh.normals[k], truth.normals[k]);
@@ -100,7 +100,7 @@ fn a_path_outside_the_folder_is_refused() {
     ] {
         let (json, bytes, _) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some(uri));
         std::fs::write(dir.path().join("secret.bin"), &bytes).unwrap();
-        let e = read(&write(&home, &json, &bytes), Some(Unit::Millimetre)).unwrap_err();
+        let e = read(&write(&home, &json, &bytes), Some(LengthUnit::Millimetre)).unwrap_err();
         assert!(e.is_usage());
         assert!(e.to_string().contains("buffers[0].uri") && e.to_string().contains("outside the file's folder"), "{e}");
     }
@@ -109,7 +109,10 @@ fn a_path_outside_the_folder_is_refused() {
         let (json, bytes, _) = dome_json(&["POSITION", "NORMAL", "TEXCOORD_0"], Some("link.bin"));
         std::os::unix::fs::symlink(dir.path().join("secret.bin"), home.join("link.bin")).unwrap();
         assert!(
-            read(&write(&home, &json, &bytes), Some(Unit::Millimetre)).unwrap_err().to_string().contains("outside")
+            read(&write(&home, &json, &bytes), Some(LengthUnit::Millimetre))
+                .unwrap_err()
+                .to_string()
+                .contains("outside")
         );
     }
 }
@@ -126,7 +129,7 @@ fn damage_is_a_sentence() {
         (json.replace("\"nodes\":[0]", "\"nodes\":[]"), bytes.clone()),
         (String::new(), Vec::new()),
     ] {
-        let e = read(&write(dir.path(), &j, &b), Some(Unit::Millimetre)).unwrap_err();
+        let e = read(&write(dir.path(), &j, &b), Some(LengthUnit::Millimetre)).unwrap_err();
         assert!(e.is_usage() && e.to_string().contains("leaf.gltf"), "{e}");
     }
     // An index past the last vertex.
@@ -134,7 +137,10 @@ fn damage_is_a_sentence() {
     let end = bytes.len();
     bytes[end - 4..].copy_from_slice(&4000u32.to_le_bytes());
     assert!(
-        read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap_err().to_string().contains("found 4000")
+        read(&write(dir.path(), &json, &bytes), Some(LengthUnit::Millimetre))
+            .unwrap_err()
+            .to_string()
+            .contains("found 4000")
     );
 }
 
@@ -178,7 +184,10 @@ fn lengths_are_metres_and_all_nodes_are_applied() {
         with(r#""nodes":[{"mesh":0}]"#, r#""asset":{"version":"2.0","extras":{"unit":"cm"}}"#).positions[0],
         10.0 * truth.positions[0],
     );
-    near(read(&write(dir.path(), &json, &bytes), Some(Unit::Millimetre)).unwrap().positions[0], truth.positions[0]);
+    near(
+        read(&write(dir.path(), &json, &bytes), Some(LengthUnit::Millimetre)).unwrap().positions[0],
+        truth.positions[0],
+    );
     let odd = json.replace(plain, r#""asset":{"version":"2.0","extras":{"unit":"inch"}}"#);
     let e = read(&write(dir.path(), &odd, &bytes), None).unwrap_err().to_string();
     assert!(e.contains("asset.extras.unit") && e.contains("found \"inch\""), "{e}");

@@ -11,7 +11,7 @@ mod radiance;
 #[cfg(test)]
 mod tests;
 
-use crate::image::{ExrPart, Maps, exr_parts, read_exr_part};
+use crate::image::{ChannelMaps, ExrPart, exr_parts, read_exr_part};
 use crate::{Error, Result, memory, progress};
 use glam::DVec3;
 use primaries::Primaries;
@@ -22,16 +22,16 @@ pub const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// A picture, and what was done to it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Linear {
+pub struct LinearPicture {
     /// The channels that were asked for first, under the names that they were asked for by.
-    pub maps: Maps,
+    pub maps: ChannelMaps,
     /// What was found and changed, a sentence each.
     pub said: Vec<String>,
 }
 
 /// What is read of a picture.
 #[derive(Debug, Clone, Copy)]
-pub struct Request<'a> {
+pub struct PictureRequest<'a> {
     /// Channels that must be there. If these are [`RGB`], colours are changed to linear sRGB.
     pub names: &'a [&'a str],
     /// Whether the other channels beside them are read too.
@@ -45,7 +45,11 @@ pub struct Request<'a> {
 /// # Errors
 /// [`Error::Input`] that names the file, and the channel that is missing, or why it cannot be told which of several
 /// parts or layers is meant; the error of `fits`; [`Error::Usage`] where memory is short.
-pub fn read(path: &Path, request: &Request, fits: impl FnOnce(usize, usize) -> Result<()>) -> Result<Linear> {
+pub fn read(
+    path: &Path,
+    request: &PictureRequest,
+    fits: impl FnOnce(usize, usize) -> Result<()>,
+) -> Result<LinearPicture> {
     if radiance::is(path)? {
         if let Some(name) = request.names.iter().find(|n| !RGB.contains(n)) {
             return Err(Error::field(path, name, "no such channel; a Radiance picture holds R, G, B"));
@@ -66,7 +70,7 @@ pub fn read(path: &Path, request: &Request, fits: impl FnOnce(usize, usize) -> R
     if request.names == RGB {
         recolour(path, &mut maps, part.chromaticities.as_ref(), &mut said)?;
     }
-    Ok(Linear { maps, said })
+    Ok(LinearPicture { maps, said })
 }
 
 /// Says what was done to a picture.
@@ -96,7 +100,7 @@ impl Found {
     }
 
     /// The file's names of all channels that are read, and the names they get.
-    fn channels(&self, there: &[String], request: &Request) -> (Vec<String>, Vec<String>) {
+    fn channels(&self, there: &[String], request: &PictureRequest) -> (Vec<String>, Vec<String>) {
         let asked = self.names.iter().cloned().zip(request.names.iter().map(ToString::to_string));
         let beside = there.iter().filter(|name| request.all && !self.names.contains(name));
         let beside = beside.map(|n| (n.clone(), n.strip_prefix(&self.layer).unwrap_or(n).to_string()));
@@ -137,7 +141,7 @@ fn find(path: &Path, parts: &[ExrPart], names: &[&str]) -> Result<Found> {
 }
 
 /// The display window of a picture whose data window was read.
-fn whole(path: &Path, part: &ExrPart, inner: Maps, outside: f32, said: &mut Vec<String>) -> Result<Maps> {
+fn whole(path: &Path, part: &ExrPart, inner: ChannelMaps, outside: f32, said: &mut Vec<String>) -> Result<ChannelMaps> {
     let [width, height] = part.display;
     if part.offset == [0, 0] && part.display == [inner.width, inner.height] {
         return Ok(inner);
@@ -160,7 +164,7 @@ fn whole(path: &Path, part: &ExrPart, inner: Maps, outside: f32, said: &mut Vec<
         "{place}; what it leaves out is empty{}",
         if cut { ", what lies outside is cut off" } else { "" }
     ));
-    let mut maps = Maps::new(width, height);
+    let mut maps = ChannelMaps::new(width, height);
     for (name, samples) in inner.channels {
         let mut all = vec![outside; width * height];
         for y in rows.0..rows.1 {
@@ -175,7 +179,7 @@ fn whole(path: &Path, part: &ExrPart, inner: Maps, outside: f32, said: &mut Vec<
 }
 
 /// Changes the first three channels to linear sRGB, where the file states other primaries.
-fn recolour(path: &Path, maps: &mut Maps, stated: Option<&Primaries>, said: &mut Vec<String>) -> Result<()> {
+fn recolour(path: &Path, maps: &mut ChannelMaps, stated: Option<&Primaries>, said: &mut Vec<String>) -> Result<()> {
     let change = stated.map(primaries::to_srgb).transpose().map_err(|why| Error::input(path, why))?;
     let Some(change) = change.flatten() else { return Ok(()) };
     let [r, g, b, ..] = &mut maps.channels[..] else { return Ok(()) };

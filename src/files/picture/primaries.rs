@@ -23,7 +23,7 @@ const SAME: f64 = 1.5e-3;
 
 /// A change of primaries.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Change {
+pub struct PrimariesChange {
     /// Red, green and blue in linear sRGB are this times those of the file.
     pub matrix: DMat3,
     /// The file's colours in words.
@@ -35,7 +35,7 @@ pub struct Change {
 ///
 /// # Errors
 /// A sentence where these are no primaries: on a line, or with a white that has no luminance.
-pub fn to_srgb(file: &Primaries) -> Result<Option<Change>, String> {
+pub fn to_srgb(file: &Primaries) -> Result<Option<PrimariesChange>, String> {
     let same =
         |a: &Primaries, b: &Primaries| a.as_flattened().iter().zip(b.as_flattened()).all(|(a, b)| (a - b).abs() < SAME);
     if same(file, &REC_709) {
@@ -46,7 +46,7 @@ pub fn to_srgb(file: &Primaries) -> Result<Option<Change>, String> {
     let adapted = if same(file, &XYZ) { DMat3::IDENTITY } else { bradford(file[3], REC_709[3]) };
     let named = NAMED.iter().find(|(_, p)| same(file, p));
     let from = named.map_or_else(|| format!("of primaries and white {file:?}"), |(name, _)| format!("in {name}"));
-    Ok(Some(Change { matrix: srgb.inverse() * adapted * own, from }))
+    Ok(Some(PrimariesChange { matrix: srgb.inverse() * adapted * own, from }))
 }
 
 /// X, Y, Z of a chromaticity with the luminance 1.

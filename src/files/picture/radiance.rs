@@ -1,8 +1,8 @@
 //! Radiance pictures (`.hdr`, `.pic`): red, green and blue with a common exponent.
 
-use super::Linear;
+use super::LinearPicture;
 use super::primaries::Primaries;
-use crate::image::{Maps, in_proportion};
+use crate::image::{ChannelMaps, in_proportion};
 use crate::{Error, Result, atomic, guard, memory};
 use image::ImageDecoder;
 use image::codecs::hdr::{HdrDecoder, HdrMetadata};
@@ -30,7 +30,7 @@ pub fn is(path: &Path) -> Result<bool> {
 ///
 /// # Errors
 /// [`Error::Input`] for a file that is damaged, or is stored in another order or other colours than red, green, blue.
-pub fn read(path: &Path, fits: impl FnOnce(usize, usize) -> Result<()>) -> Result<Linear> {
+pub fn read(path: &Path, fits: impl FnOnce(usize, usize) -> Result<()>) -> Result<LinearPicture> {
     let broken = |e: image::ImageError| {
         Error::input(path, format!("not a readable Radiance picture ({e}); expected -Y H +X W and 32-bit_rle_rgbe"))
     };
@@ -49,7 +49,7 @@ pub fn read(path: &Path, fits: impl FnOnce(usize, usize) -> Result<()>) -> Resul
         .unwrap_or_else(|| Err(Error::input(path, "not a readable Radiance picture (damaged)")))?;
     let mut said = Vec::new();
     let gain = gain(path, &meta, &mut said)?;
-    let mut maps = Maps::new(width, height);
+    let mut maps = ChannelMaps::new(width, height);
     for (c, name) in super::RGB.iter().enumerate() {
         let sample = |pixel: &[u8]| f32::from_ne_bytes([0, 1, 2, 3].map(|k| pixel[4 * c + k])) * gain[c];
         maps.push(*name, bytes.chunks_exact(12).map(sample).collect());
@@ -60,7 +60,7 @@ pub fn read(path: &Path, fits: impl FnOnce(usize, usize) -> Result<()>) -> Resul
         Error::field(path, "PRIMARIES", format!("found {text:?}; expected x and y of red, green, blue and white"))
     })?;
     super::recolour(path, &mut maps, primaries.as_ref(), &mut said)?;
-    Ok(Linear { maps, said })
+    Ok(LinearPicture { maps, said })
 }
 
 /// Refuses a file without an end of its header, before the decoder looks for it.

@@ -40,8 +40,8 @@ fn at(name: &str) -> (tempfile::TempDir, PathBuf) {
     (dir, path)
 }
 
-fn colours(path: &Path) -> Result<Linear> {
-    read(path, &Request { names: &RGB, all: false, outside: 0.0 }, |_, _| Ok(()))
+fn colours(path: &Path) -> Result<LinearPicture> {
+    read(path, &PictureRequest { names: &RGB, all: false, outside: 0.0 }, |_, _| Ok(()))
 }
 
 #[test]
@@ -49,15 +49,15 @@ fn a_picture_stored_in_part_is_padded_and_one_beyond_its_window_is_cut() {
     let (_dir, path) = at("window.exr");
     // The display window itself need not begin at 0.
     write(&path, [10, 20], [6, 4], None, &[("", [3, 2], [12, 21], &PLAIN)]);
-    let Linear { maps, said } = colours(&path).unwrap();
+    let LinearPicture { maps, said } = colours(&path).unwrap();
     assert_eq!((maps.width, maps.height), (6, 4));
     let want = [[0.0; 6], [0.0, 0.0, 0.0, 1.0, 2.0, 0.0], [0.0, 0.0, 3.0, 4.0, 5.0, 0.0], [0.0; 6]];
     assert_eq!(maps.get("R").unwrap(), want.as_flattened());
     assert!(said.len() == 1 && said[0].contains("3 x 2 pixels lie at 2, 1 of 6 x 4"), "{said:?}");
-    let nan = read(&path, &Request { names: &RGB, all: false, outside: f32::NAN }, |_, _| Ok(())).unwrap();
+    let nan = read(&path, &PictureRequest { names: &RGB, all: false, outside: f32::NAN }, |_, _| Ok(())).unwrap();
     assert!(nan.maps.get("B").unwrap()[0].is_nan() && nan.maps.get("B").unwrap()[8] == 0.5);
     write(&path, [0, 0], [2, 2], None, &[("", [4, 3], [-1, 0], &PLAIN)]);
-    let Linear { maps, said } = colours(&path).unwrap();
+    let LinearPicture { maps, said } = colours(&path).unwrap();
     assert_eq!(maps.get("R").unwrap(), [1.0, 2.0, 5.0, 6.0]);
     assert!(said[0].contains("cut off"), "{said:?}");
     write(&path, [0, 0], [2, 2], None, &[("", [4, 3], [2, 0], &PLAIN)]);
@@ -69,13 +69,13 @@ fn colours_are_found_in_a_later_part_or_layer() {
     let (_dir, path) = at("parts.exr");
     let depth: [(&str, fn(usize) -> f32); 1] = [("Z", |_| 9.0)];
     write(&path, [0, 0], [3, 2], None, &[("depth", [3, 2], [0, 0], &depth), ("beauty", [3, 2], [0, 0], &PLAIN)]);
-    let Linear { maps, said } = colours(&path).unwrap();
+    let LinearPicture { maps, said } = colours(&path).unwrap();
     assert_eq!(maps.get("G").unwrap(), [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
     assert_eq!(said, ["R, G, B are those of part 2 (\"beauty\")"]);
     let layer: [(&str, fn(usize) -> f32); 5] =
         [("sky.R", |_| 1.0), ("sky.G", |_| 2.0), ("sky.B", |_| 3.0), ("sky.A", |_| 0.25), ("Z", |_| 9.0)];
     write(&path, [0, 0], [3, 2], None, &[("", [3, 2], [0, 0], &layer)]);
-    let all = read(&path, &Request { names: &RGB, all: true, outside: 0.0 }, |_, _| Ok(())).unwrap();
+    let all = read(&path, &PictureRequest { names: &RGB, all: true, outside: 0.0 }, |_, _| Ok(())).unwrap();
     let names: Vec<&str> = all.maps.channels.iter().map(|c| c.0.as_str()).collect();
     assert_eq!(names, ["R", "G", "B", "Z", "A"]);
     assert!(all.maps.get("B").unwrap()[0] == 3.0 && all.maps.get("A").unwrap()[5] == 0.25);
@@ -97,7 +97,7 @@ fn stated_chromaticities_change_the_colours() {
     let xyz: [(&str, fn(usize) -> f32); 3] = [("R", |_| 1.217_8), ("G", |_| 1.679_1), ("B", |_| 0.732_9)];
     let stated = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0 / 3.0, 1.0 / 3.0]];
     write(&path, [0, 0], [2, 1], Some(&stated), &[("", [2, 1], [0, 0], &xyz)]);
-    let Linear { maps, said } = colours(&path).unwrap();
+    let LinearPicture { maps, said } = colours(&path).unwrap();
     for (name, want) in RGB.into_iter().zip([1.0, 2.0, 0.5]) {
         assert!((maps.get(name).unwrap()[1] - want).abs() < 2e-3, "{name}: {:?}", maps.get(name));
     }
@@ -105,10 +105,10 @@ fn stated_chromaticities_change_the_colours() {
     let white: [(&str, fn(usize) -> f32); 3] = [("R", |_| 3.0), ("G", |_| 3.0), ("B", |_| 3.0)];
     let ap0 = [[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077], [0.321_68, 0.337_67]];
     write(&path, [0, 0], [2, 1], Some(&ap0), &[("", [2, 1], [0, 0], &white)]);
-    let Linear { maps, said } = colours(&path).unwrap();
+    let LinearPicture { maps, said } = colours(&path).unwrap();
     assert!(maps.channels.iter().all(|c| (c.1[0] - 3.0).abs() < 1e-5) && said[0].contains("ACES AP0"), "{maps:?}");
     // Channels that are no colours stay as they are.
-    let one = read(&path, &Request { names: &["G"], all: true, outside: 0.0 }, |_, _| Ok(())).unwrap();
+    let one = read(&path, &PictureRequest { names: &["G"], all: true, outside: 0.0 }, |_, _| Ok(())).unwrap();
     assert!(one.maps.channels[0] == ("G".to_string(), vec![3.0; 2]) && one.said.is_empty());
 }
 
@@ -119,7 +119,7 @@ fn radiance_pictures_are_read_and_their_exposure_is_taken_out() {
     let mut bytes = b"#?RGBE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\nEXPOSURE=4\n\n-Y 1 +X 3\n".to_vec();
     bytes.extend([128, 64, 0, 129, 0, 0, 0, 0, 255, 1, 2, 137]);
     std::fs::write(&path, &bytes).unwrap();
-    let Linear { maps, said } = colours(&path).unwrap();
+    let LinearPicture { maps, said } = colours(&path).unwrap();
     assert_eq!(maps.get("R").unwrap(), [0.125, 0.0, 255.0 * 2.0 / 8.0]);
     assert_eq!(maps.get("G").unwrap(), [0.0625, 0.0, 0.25]);
     assert!(said.len() == 1 && said[0].contains("exposures"), "{said:?}");
@@ -139,7 +139,7 @@ fn radiance_pictures_are_read_and_their_exposure_is_taken_out() {
         let sentence = colours(&path).expect_err(name).to_string();
         assert!(sentence.contains("sky.hdr"), "{name}: {sentence}");
     }
-    let y = read(&path, &Request { names: &["Y"], all: false, outside: 0.0 }, |_, _| Ok(())).unwrap_err();
+    let y = read(&path, &PictureRequest { names: &["Y"], all: false, outside: 0.0 }, |_, _| Ok(())).unwrap_err();
     assert!(y.to_string().contains("holds R, G, B"), "{y}");
 }
 

@@ -62,30 +62,30 @@ fn written(separator: char, decimal_comma: bool, comments: &str, ends: [&str; 2]
     text
 }
 
-fn opened(bytes: &[u8]) -> Table {
-    Table::from_reader(Box::new(Cursor::new(bytes.to_vec())), "in.csv".into()).unwrap()
+fn opened(bytes: &[u8]) -> InputTable {
+    InputTable::from_reader(Box::new(Cursor::new(bytes.to_vec())), "in.csv".into()).unwrap()
 }
 
-fn spec() -> Spec {
+fn spec() -> BatchSpec {
     let [x, y] = ["x", "y"].map(String::from);
-    Spec { required: vec![x], optional: vec![y], outputs: vec!["sum".into()], ..Spec::default() }
+    BatchSpec { required: vec![x], optional: vec![y], outputs: vec!["sum".into()], ..BatchSpec::default() }
 }
 
-fn sum(row: &Row, out: &mut Vec<Answer>) {
-    out.push(Answer::ok(vec![row.get(0) + if row.get(1).is_nan() { 100.0 } else { row.get(1) }]));
+fn sum(row: &InputRow, out: &mut Vec<OutputRow>) {
+    out.push(OutputRow::ok(vec![row.get(0) + if row.get(1).is_nan() { 100.0 } else { row.get(1) }]));
 }
 
 /// By blocks: the answers, each with its row as it was carried through.
-fn by_blocks(table: Table) -> String {
+fn by_blocks(table: InputTable) -> String {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out.csv");
-    run(table, &Output::csv(&out), &spec(), sum).unwrap();
+    run(table, &TableOutput::csv(&out), &spec(), sum).unwrap();
     std::fs::read_to_string(out).unwrap()
 }
 
 /// Row by row: name, line and numbers.
-fn by_rows(mut table: Table) -> Vec<(String, usize, Vec<Option<f64>>)> {
-    let (mut rows, mut record) = (Vec::new(), Record::default());
+fn by_rows(mut table: InputTable) -> Vec<(String, usize, Vec<Option<f64>>)> {
+    let (mut rows, mut record) = (Vec::new(), TableRecord::default());
     while table.next_record(&mut record).unwrap() {
         assert_eq!(record.fault(3), None);
         let numbers = (1..3).map(|k| table.number(&record, k).unwrap()).collect();
@@ -95,11 +95,11 @@ fn by_rows(mut table: Table) -> Vec<(String, usize, Vec<Option<f64>>)> {
 }
 
 /// By groups: the numbers of each leaf.
-fn by_groups(table: Table) -> String {
+fn by_groups(table: InputTable) -> String {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out.csv");
-    let all = |_: &str, rows: &[GroupRow], _: &LeftOut| Answer::ok(vec![rows.iter().map(|r| r.values[0]).sum()]);
-    Groups::read(table, &spec(), "leaf").unwrap().run(&Output::csv(&out), &spec(), all).unwrap();
+    let all = |_: &str, rows: &[GroupRow], _: &Omissions| OutputRow::ok(vec![rows.iter().map(|r| r.values[0]).sum()]);
+    Groups::read(table, &spec(), "leaf").unwrap().run(&TableOutput::csv(&out), &spec(), all).unwrap();
     std::fs::read_to_string(out).unwrap()
 }
 
@@ -153,13 +153,13 @@ fn no_row_of_a_long_table_is_lost() {
         let note = if k % 1000 == 0 { "\"a\rb\"" } else { "" };
         text += &format!("{k},{note}{}", ends[(k / 7) % ends.len()]);
     }
-    let spec = Spec { required: vec!["x".into()], outputs: vec!["y".into()], ..Spec::default() };
+    let spec = BatchSpec { required: vec!["x".into()], outputs: vec!["y".into()], ..BatchSpec::default() };
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out.csv");
     let table = opened(text.as_bytes());
-    let tally = run(table, &Output::csv(&out), &spec, |row, out| {
+    let tally = run(table, &TableOutput::csv(&out), &spec, |row, out| {
         assert_eq!(row.number(), row.get(0) as usize + 1);
-        out.push(Answer::ok(vec![row.get(0)]));
+        out.push(OutputRow::ok(vec![row.get(0)]));
     });
     assert_eq!(tally.unwrap().ok, rows);
     let mut reader = csv::Reader::from_path(out).unwrap();
@@ -172,22 +172,22 @@ fn rows_in_are_compared_with_rows_out() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out.csv");
     let text = "x,y\n1,2\n2,3\n\n3,4\n";
-    let lazy = run(opened(text.as_bytes()), &Output::csv(&out), &spec_of_x(), |row, out| {
+    let lazy = run(opened(text.as_bytes()), &TableOutput::csv(&out), &spec_of_x(), |row, out| {
         if row.get(0) != 2.0 {
-            out.push(Answer::ok(vec![1.0]));
+            out.push(OutputRow::ok(vec![1.0]));
         }
     });
     let said = lazy.unwrap_err().to_string();
     assert!(said.starts_with("in.csv: 2 of its 3 lines below the header were answered"), "{said}");
     let mut table = opened(text.as_bytes());
-    table.next_record(&mut Record::default()).unwrap();
-    let lost = run(table, &Output::csv(&out), &spec_of_x(), |_, out| out.push(Answer::ok(vec![1.0])));
+    table.next_record(&mut TableRecord::default()).unwrap();
+    let lost = run(table, &TableOutput::csv(&out), &spec_of_x(), |_, out| out.push(OutputRow::ok(vec![1.0])));
     assert!(lost.unwrap_err().to_string().contains("2 of its 3 lines"));
     assert!(!out.exists());
 }
 
-fn spec_of_x() -> Spec {
-    Spec { required: vec!["x".into()], outputs: vec!["z".into()], ..Spec::default() }
+fn spec_of_x() -> BatchSpec {
+    BatchSpec { required: vec!["x".into()], outputs: vec!["z".into()], ..BatchSpec::default() }
 }
 
 /// Columns, names and paths are checked when a batch is opened, before anything is read or computed.
@@ -196,12 +196,12 @@ fn a_batch_is_refused_before_it_is_computed() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("in.csv");
     std::fs::write(&file, "x,z\n1,2\n").unwrap();
-    let refused = |spec: &Spec, out: &std::path::Path| {
-        Batch::open(Table::open(&file).unwrap(), &Output::csv(out), spec).err().unwrap().to_string()
+    let refused = |spec: &BatchSpec, out: &std::path::Path| {
+        Batch::open(InputTable::open(&file).unwrap(), &TableOutput::csv(out), spec).err().unwrap().to_string()
     };
     let out = dir.path().join("out.csv");
     assert!(refused(&spec_of_x(), &out).contains("z: the input already has this output column"));
-    let spec = Spec { outputs: vec!["w".into()], ..spec_of_x() };
+    let spec = BatchSpec { outputs: vec!["w".into()], ..spec_of_x() };
     assert!(refused(&spec, &file).contains("is what is to be read"));
     assert!(refused(&spec, dir.path()).contains("found a folder"));
     assert!(refused(&spec, std::path::Path::new("/proc/none/out.csv")).contains("/proc/none"));
@@ -210,21 +210,21 @@ fn a_batch_is_refused_before_it_is_computed() {
 /// Readings cost themselves; what is no reading refuses its row.
 #[test]
 fn a_bad_reading_costs_itself() {
-    let spec = Spec {
+    let spec = BatchSpec {
         optional: ["k", "r", "s"].map(String::from).to_vec(),
         readings: ["r", "s"].map(String::from).to_vec(),
         outputs: vec!["sum".into(), "faults".into()],
-        physical: vec![Physical::shares(["r", "s"].map(String::from).to_vec())],
-        ..Spec::default()
+        physical: vec![PhysicalRange::shares(["r", "s"].map(String::from).to_vec())],
+        ..BatchSpec::default()
     };
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out.csv");
     let text = "k,r,s\n1,0.1,0.2\n1,x,0.2\n1,-1,0.2\n1,-1,NA\nx,0.1,0.2\n1,0.1,-1\n1,-99.9,0.5\n";
-    run(opened(text.as_bytes()), &Output::csv(&out), &spec, |row, out| {
+    run(opened(text.as_bytes()), &TableOutput::csv(&out), &spec, |row, out| {
         let sum = [1, 2].iter().map(|&k| row.get(k)).filter(|v| !v.is_nan()).fold(0.0, |sum, v| sum + v);
         let faults: Vec<(usize, &str)> = row.faults().collect();
         assert!(faults.is_empty() || faults == [(1, "r is \"x\"; expected a number")] && row.line() == 3);
-        out.push(Answer::ok(vec![sum, faults.len() as f64]));
+        out.push(OutputRow::ok(vec![sum, faults.len() as f64]));
     })
     .unwrap();
     let found = std::fs::read_to_string(out).unwrap();

@@ -2,11 +2,14 @@
 //! one row. A row that cannot be read costs itself and not its group.
 
 use super::cell::Possible;
-use super::left::{LeftOut, listed};
+use super::omissions::{Omissions, listed};
+use super::physical_range::repeated;
 use super::plan::{Stated, say_repeated};
-use super::possible::repeated;
-use super::{Answer, Output, Plan, Record, Sink, Spec, Status, Table, Tally, counted, push_cells, push_text, whole};
-use crate::progress::{self, Bar};
+use super::{
+    BatchSpec, InputTable, OutputRow, Plan, RowTally, Status, TableOutput, TableRecord, TableSink, counted, push_cells,
+    push_text, whole,
+};
+use crate::progress::{self, TaskProgress};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
@@ -28,7 +31,7 @@ pub struct GroupRow {
 struct Group {
     name: String,
     rows: Vec<GroupRow>,
-    left: LeftOut,
+    left: Omissions,
 }
 
 /// All rows of a table by the word in one of its columns, in order of first appearance.
@@ -45,7 +48,7 @@ impl Groups {
     ///
     /// # Errors
     /// A missing column, an unreadable input. A bad row is no error: it is left out.
-    pub fn read(table: Table, spec: &Spec, by: &str) -> Result<Groups> {
+    pub fn read(table: InputTable, spec: &BatchSpec, by: &str) -> Result<Groups> {
         let at = table.require(by)?;
         Groups::of(table, spec, by, |record| record.shown(at).into_owned())
     }
@@ -54,23 +57,28 @@ impl Groups {
     ///
     /// # Errors
     /// As [`Groups::read`].
-    pub fn one(table: Table, spec: &Spec, by: &str, name: &str) -> Result<Groups> {
+    pub fn one(table: InputTable, spec: &BatchSpec, by: &str, name: &str) -> Result<Groups> {
         Groups::of(table, spec, by, |_| name.to_string())
     }
 
-    fn of(mut table: Table, spec: &Spec, by: &str, name_of: impl Fn(&Record) -> String) -> Result<Groups> {
+    fn of(
+        mut table: InputTable,
+        spec: &BatchSpec,
+        by: &str,
+        name_of: impl Fn(&TableRecord) -> String,
+    ) -> Result<Groups> {
         // A repeated impossible value is looked for in all rows below.
         let everything = table.header.clone();
-        let mut plan = Plan::new(&table, &Spec { dropped: everything, physical: Vec::new(), ..spec.clone() })?;
+        let mut plan = Plan::new(&table, &BatchSpec { dropped: everything, physical: Vec::new(), ..spec.clone() })?;
         spec.physical.iter().for_each(|of| plan.bound(&of.columns, Possible::within(of.range)));
         let mut groups: Vec<Group> = Vec::new();
         let mut places: HashMap<String, usize> = HashMap::new();
-        let (mut record, mut stated) = (Record::default(), Stated::default());
+        let (mut record, mut stated) = (TableRecord::default(), Stated::default());
         let (mut values, mut faults) = (Vec::new(), Vec::new());
         while table.next_record(&mut record)? {
             let name = name_of(&record);
             let place = *places.entry(name.clone()).or_insert_with(|| {
-                groups.push(Group { name, rows: Vec::new(), left: LeftOut::default() });
+                groups.push(Group { name, rows: Vec::new(), left: Omissions::default() });
                 groups.len() - 1
             });
             let Group { rows, left, .. } = &mut groups[place];
@@ -108,8 +116,8 @@ impl Groups {
     ///
     /// # Errors
     /// An unwritable output.
-    pub fn open(&self, output: &Output) -> Result<Sink> {
-        Sink::open(output, &self.source)
+    pub fn open(&self, output: &TableOutput) -> Result<TableSink> {
+        TableSink::open(output, &self.source)
     }
 
     /// Answers each group by `f`, which gets the group's name, its readable rows, and what was left out so far, to
@@ -119,9 +127,9 @@ impl Groups {
     ///
     /// # Errors
     /// An unwritable output, and a stop.
-    pub fn run<F>(&self, output: &Output, spec: &Spec, f: F) -> Result<Tally>
+    pub fn run<F>(&self, output: &TableOutput, spec: &BatchSpec, f: F) -> Result<RowTally>
     where
-        F: Fn(&str, &[GroupRow], &LeftOut) -> Answer + Sync,
+        F: Fn(&str, &[GroupRow], &Omissions) -> OutputRow + Sync,
     {
         self.run_into(self.open(output)?, spec, f)
     }
@@ -130,9 +138,9 @@ impl Groups {
     ///
     /// # Errors
     /// As [`Groups::run`].
-    pub fn run_into<F>(&self, mut sink: Sink, spec: &Spec, f: F) -> Result<Tally>
+    pub fn run_into<F>(&self, mut sink: TableSink, spec: &BatchSpec, f: F) -> Result<RowTally>
     where
-        F: Fn(&str, &[GroupRow], &LeftOut) -> Answer + Sync,
+        F: Fn(&str, &[GroupRow], &Omissions) -> OutputRow + Sync,
     {
         let (mut bytes, whole) = (Vec::new(), whole(spec));
         push_text(&mut bytes, &self.by);
@@ -141,18 +149,18 @@ impl Groups {
             push_text(&mut bytes, name);
         }
         bytes.push(b'\n');
-        let mut tally = Tally::new(&spec.outputs);
-        let bar = Bar::of("rows");
+        let mut tally = RowTally::new(&spec.outputs);
+        let bar = TaskProgress::of("rows");
         let answer = |group: &Group| {
             let answer = match &group.rows[..] {
-                _ if progress::stop_requested() => Answer::refused("interrupted"),
-                [] => Answer::refused(group.left.words()),
+                _ if progress::stop_requested() => OutputRow::refused("interrupted"),
+                [] => OutputRow::refused(group.left.words()),
                 rows => group.blamed(f(&group.name, rows, &group.left)),
             };
             bar.advance(1);
             answer
         };
-        let answers: Vec<Answer> = self.groups.par_iter().map(answer).collect();
+        let answers: Vec<OutputRow> = self.groups.par_iter().map(answer).collect();
         if progress::stop_requested() {
             return Err(Error::Interrupted("interrupted; no output file was written".into()));
         }
@@ -181,11 +189,11 @@ impl Groups {
 
 impl Group {
     /// A refused answer that also names what was left out.
-    fn blamed(&self, answer: Answer) -> Answer {
+    fn blamed(&self, answer: OutputRow) -> OutputRow {
         match answer {
-            Answer { values, status: Status::Refused(why) } if self.left.count() > 0 => {
+            OutputRow { values, status: Status::Refused(why) } if self.left.count() > 0 => {
                 let why = format!("{why} (left out: {})", self.left.words());
-                Answer { values, status: Status::Refused(why) }
+                OutputRow { values, status: Status::Refused(why) }
             }
             answer => answer,
         }
@@ -193,7 +201,7 @@ impl Group {
 }
 
 /// Leaves out the one impossible value that columns of a quantity repeat; see [`Spec::physical`].
-fn leave_out_repeated(table: &Table, spec: &Spec, groups: &mut [Group]) {
+fn leave_out_repeated(table: &InputTable, spec: &BatchSpec, groups: &mut [Group]) {
     let names: Vec<&String> = spec.required.iter().chain(&spec.optional).collect();
     for physical in &spec.physical {
         let columns: HashSet<&String> = physical.columns.iter().collect();
@@ -222,13 +230,13 @@ fn leave_out_repeated(table: &Table, spec: &Spec, groups: &mut [Group]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::Physical;
+    use crate::table::PhysicalRange;
 
-    fn answered(text: &'static str, spec: &Spec) -> (String, Tally) {
-        let table = Table::from_reader(Box::new(text.as_bytes()), "in.csv".into()).unwrap();
+    fn answered(text: &'static str, spec: &BatchSpec) -> (String, RowTally) {
+        let table = InputTable::from_reader(Box::new(text.as_bytes()), "in.csv".into()).unwrap();
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out.csv");
-        let sum = |_: &str, rows: &[GroupRow], left: &LeftOut| {
+        let sum = |_: &str, rows: &[GroupRow], left: &Omissions| {
             let used = rows.iter().filter(|r| {
                 let small = r.values[0] < 90.0;
                 if !small {
@@ -237,11 +245,11 @@ mod tests {
                 small
             });
             match used.map(|r| r.values[0]).reduce(|a, b| a + b) {
-                Some(sum) => Answer::ok(vec![sum]),
-                None => Answer::refused("0 readings; expected at least 1"),
+                Some(sum) => OutputRow::ok(vec![sum]),
+                None => OutputRow::refused("0 readings; expected at least 1"),
             }
         };
-        let tally = Groups::read(table, spec, "leaf").unwrap().run(&Output::csv(&out), spec, sum).unwrap();
+        let tally = Groups::read(table, spec, "leaf").unwrap().run(&TableOutput::csv(&out), spec, sum).unwrap();
         (std::fs::read_to_string(out).unwrap(), tally)
     }
 
@@ -249,7 +257,7 @@ mod tests {
     fn rows_of_one_name_are_answered_together_and_a_bad_one_costs_itself() {
         let text = "# made by\nleaf,x,note\nelm,1,a\nash,2,b\n\nelm,4,c\n\
                     oak,x,d\n\"a,b\",8,\nelm,NA,\nash,y,\nelm,90,\nfir,91,\n";
-        let spec = Spec { required: vec!["x".into()], outputs: vec!["sum".into()], ..Spec::default() };
+        let spec = BatchSpec { required: vec!["x".into()], outputs: vec!["sum".into()], ..BatchSpec::default() };
         let (found, tally) = answered(text, &spec);
         assert_eq!((tally.rows, tally.ok, tally.refused), (5, 3, 2));
         let want = "leaf,sum,status\nelm,5.0,ok\nash,2.0,ok\n\
@@ -261,12 +269,12 @@ mod tests {
     /// A value outside what is possible that stands in several cells, as far apart as they may be.
     #[test]
     fn a_repeated_impossible_value_is_a_missing_reading() {
-        let spec = Spec {
+        let spec = BatchSpec {
             required: vec!["x".into()],
             optional: vec!["y".into()],
             outputs: vec!["sum".into()],
-            physical: vec![Physical::shares(vec!["x".into(), "y".into()])],
-            ..Spec::default()
+            physical: vec![PhysicalRange::shares(vec!["x".into(), "y".into()])],
+            ..BatchSpec::default()
         };
         let (found, _) = answered("leaf,x,y\na,1,-1\na,-1,2\nb,2,-1\nb,3,4\n", &spec);
         assert_eq!(found, "leaf,sum,status\na,1.0,ok\nb,5.0,ok\n");

@@ -5,12 +5,12 @@ use std::io::{self, Write};
 
 /// Turns whole CSV lines into JSON objects. The first line names the columns.
 #[derive(Debug, Default)]
-pub struct Rows {
+pub struct JsonRows {
     names: Vec<String>,
     any: bool,
 }
 
-impl Rows {
+impl JsonRows {
     /// Writes the rows of `lines`, which end at the end of a line.
     pub fn write(&mut self, lines: &[u8], to: &mut impl Write) -> io::Result<()> {
         let mut reader = csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(lines);
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn cells_become_values() {
-        let (mut rows, mut out) = (Rows::default(), Vec::new());
+        let (mut rows, mut out) = (JsonRows::default(), Vec::new());
         rows.write(b"id,x,x_err,note,status\n007,0.25,inf,\"a \"\"b\"\", c\",ok\n", &mut out).unwrap();
         rows.write(b"'=8,1e-300,,,\"refused: x is \"\"?\"\"\"\n", &mut out).unwrap();
         rows.finish(&mut out).unwrap();
@@ -70,7 +70,7 @@ mod tests {
             {"id": "=8", "x": 1e-300, "x_err": null, "note": null, "status": "refused: x is \"?\""},
         ]});
         assert_eq!(json, want);
-        let (mut none, mut out) = (Rows::default(), Vec::new());
+        let (mut none, mut out) = (JsonRows::default(), Vec::new());
         none.write(b"x,status\n", &mut out).unwrap();
         none.finish(&mut out).unwrap();
         assert_eq!(serde_json::from_slice::<serde_json::Value>(&out).unwrap(), serde_json::json!({"rows": []}));

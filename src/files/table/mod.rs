@@ -12,11 +12,11 @@ mod dialect;
 mod forms_tests;
 mod groups;
 mod json;
-mod left;
 mod lines;
+mod omissions;
 pub mod percent;
+mod physical_range;
 mod plan;
-mod possible;
 mod record;
 mod rows;
 mod sink;
@@ -24,19 +24,19 @@ mod source;
 mod tally;
 
 pub use groups::{GroupRow, Groups};
-pub use left::LeftOut;
 pub use lines::plain_text;
 pub use mesophyll_base::error::Status;
-pub use possible::Physical;
-pub use record::Record;
-pub use sink::{Output, Sink, push_cell, push_number, push_quoted, push_text, stdout_error};
-pub use source::Table;
-pub use tally::{Tally, counted};
+pub use omissions::Omissions;
+pub use physical_range::PhysicalRange;
+pub use record::TableRecord;
+pub use sink::{TableOutput, TableSink, push_cell, push_number, push_quoted, push_text, stdout_error};
+pub use source::InputTable;
+pub use tally::{RowTally, counted};
 
 use plan::{Part, Plan, Stated, push_cells, whole};
-use rows::Block;
+use rows::RowBlock;
 
-use crate::progress::Bar;
+use crate::progress::TaskProgress;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -56,35 +56,35 @@ pub struct BatchIo {
 
 impl BatchIo {
     /// Where the rows go. `json` asks for JSON; only standard output gets it, a file is always CSV.
-    pub fn rows(&self, json: bool) -> Output {
-        Output { json: json && self.output == Path::new("-"), path: self.output.clone() }
+    pub fn rows(&self, json: bool) -> TableOutput {
+        TableOutput { json: json && self.output == Path::new("-"), path: self.output.clone() }
     }
 }
 
 /// One output row: values in the order of the output columns (NaN prints as an empty cell) and a status.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
+pub struct OutputRow {
     /// Cells in the order of the output columns.
     pub values: Vec<f64>,
     /// How the row ended.
     pub status: Status,
 }
 
-impl Answer {
+impl OutputRow {
     /// A row that is right within its errors.
     pub fn ok(values: Vec<f64>) -> Self {
-        Answer { values, status: Status::Ok }
+        OutputRow { values, status: Status::Ok }
     }
 
     /// A refused row: every output cell empty.
     pub fn refused(why: impl Into<String>) -> Self {
-        Answer { values: Vec::new(), status: Status::Refused(why.into()) }
+        OutputRow { values: Vec::new(), status: Status::Refused(why.into()) }
     }
 }
 
 /// What a batch reads and writes.
 #[derive(Debug, Clone, Default)]
-pub struct Spec {
+pub struct BatchSpec {
     /// Numeric columns that must exist, in the order in which [`Row::get`] numbers them.
     pub required: Vec<String>,
     /// Numeric columns that may exist; their numbers follow those of the required ones. An empty cell is NaN.
@@ -103,14 +103,14 @@ pub struct Spec {
     pub readings: Vec<String>,
     /// What is possible in some columns. Numbers outside that programs write for a missing reading (−999, −9.99, 1e34),
     /// and one value outside that the columns repeat, are missing readings. −9999 is one in every column.
-    pub physical: Vec<Physical>,
+    pub physical: Vec<PhysicalRange>,
 }
 
 /// One input row.
 #[derive(Debug)]
-pub struct Row<'a> {
+pub struct InputRow<'a> {
     values: &'a [f64],
-    record: &'a Record,
+    record: &'a TableRecord,
     /// Positions of the columns of words.
     texts: &'a [Option<usize>],
     number: usize,
@@ -119,9 +119,9 @@ pub struct Row<'a> {
 }
 
 /// What answers a row, with an answer for each output row.
-type Answering<'a> = dyn Fn(&Row, &mut Vec<Answer>) + Sync + 'a;
+type Answering<'a> = dyn Fn(&InputRow, &mut Vec<OutputRow>) + Sync + 'a;
 
-impl Row<'_> {
+impl InputRow<'_> {
     /// Value of input column `k` (required ones first, then optional ones); NaN where an optional column or cell is
     /// absent.
     pub fn get(&self, k: usize) -> f64 {
@@ -153,10 +153,10 @@ impl Row<'_> {
 /// A batch whose columns and output are checked and whose rows are not yet read. What is expensive is done between
 /// [`Batch::open`] and [`Batch::run`], so that a wrong name or path is refused before it.
 pub struct Batch {
-    table: Table,
-    spec: Spec,
+    table: InputTable,
+    spec: BatchSpec,
     plan: Plan,
-    sink: Sink,
+    sink: TableSink,
 }
 
 impl Batch {
@@ -164,9 +164,9 @@ impl Batch {
     ///
     /// # Errors
     /// A missing required column, an output name that the input already has, an unwritable output.
-    pub fn open(table: Table, output: &Output, spec: &Spec) -> Result<Batch> {
+    pub fn open(table: InputTable, output: &TableOutput, spec: &BatchSpec) -> Result<Batch> {
         let plan = Plan::new(&table, spec)?;
-        let sink = Sink::open(output, table.source())?;
+        let sink = TableSink::open(output, table.source())?;
         Ok(Batch { table, spec: spec.clone(), plan, sink })
     }
 
@@ -176,12 +176,12 @@ impl Batch {
     /// # Errors
     /// An unreadable input, an output that can no longer be written, a stop, and a row without an answer. Bad rows are
     /// not errors: they are answered in place with `refused: …`.
-    pub fn run(self, f: impl Fn(&Row, &mut Vec<Answer>) + Sync) -> Result<Tally> {
+    pub fn run(self, f: impl Fn(&InputRow, &mut Vec<OutputRow>) + Sync) -> Result<RowTally> {
         let Batch { mut table, spec, plan, mut sink } = self;
         sink.write_all(&plan.header_line(&table, &spec))?;
-        let (mut tally, mut lines, mut stated) = (Tally::new(&spec.outputs), 0, Stated::default());
-        let bar = Bar::of("rows");
-        let (mut block, mut next) = (Block::default(), Block::default());
+        let (mut tally, mut lines, mut stated) = (RowTally::new(&spec.outputs), 0, Stated::default());
+        let bar = TaskProgress::of("rows");
+        let (mut block, mut next) = (RowBlock::default(), RowBlock::default());
         let mut done: Vec<Part> = Vec::new();
         table.next_block(BLOCK, &mut block)?;
         while !(block.rows.is_empty() && done.is_empty()) {
@@ -222,7 +222,12 @@ impl Batch {
 ///
 /// # Errors
 /// As these two.
-pub fn run(table: Table, output: &Output, spec: &Spec, f: impl Fn(&Row, &mut Vec<Answer>) + Sync) -> Result<Tally> {
+pub fn run(
+    table: InputTable,
+    output: &TableOutput,
+    spec: &BatchSpec,
+    f: impl Fn(&InputRow, &mut Vec<OutputRow>) + Sync,
+) -> Result<RowTally> {
     Batch::open(table, output, spec)?.run(f)
 }
 
@@ -234,17 +239,17 @@ mod tests {
     fn words_and_the_number_of_a_row_are_known() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out.csv");
-        let spec = Spec {
+        let spec = BatchSpec {
             texts: vec!["side".into(), "path".into()],
             outputs: vec!["y".into()],
             whole: vec!["y".into()],
-            ..Spec::default()
+            ..BatchSpec::default()
         };
-        let table = Table::from_reader(Box::new(&b"side\nup\n\xff\n\"\"\n"[..]), "in.csv".into()).unwrap();
-        run(table, &Output::csv(&out), &spec, |row, out| {
+        let table = InputTable::from_reader(Box::new(&b"side\nup\n\xff\n\"\"\n"[..]), "in.csv".into()).unwrap();
+        run(table, &TableOutput::csv(&out), &spec, |row, out| {
             assert_eq!(row.text(1), None);
             let y = row.number() as f64 + if row.text(0) == Some("up") { 10.0 } else { 0.0 };
-            out.push(Answer::ok(vec![y]));
+            out.push(OutputRow::ok(vec![y]));
         })
         .unwrap();
         let want = "side,y,status\nup,11,ok\n\u{fffd},,refused: side is not valid UTF-8 text; expected a word\n,3,ok\n";
@@ -258,16 +263,16 @@ mod tests {
     fn through_bytes(text: &'static [u8]) -> Result<String> {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out.csv");
-        let spec = Spec {
+        let spec = BatchSpec {
             required: vec!["x".into()],
             optional: vec!["k".into()],
             outputs: vec!["y".into()],
-            ..Spec::default()
+            ..BatchSpec::default()
         };
-        let table = Table::from_reader(Box::new(text), "in.csv".into())?;
-        run(table, &Output::csv(&out), &spec, |row, out| {
+        let table = InputTable::from_reader(Box::new(text), "in.csv".into())?;
+        run(table, &TableOutput::csv(&out), &spec, |row, out| {
             let k = if row.get(1).is_nan() { 1.0 } else { row.get(1) };
-            out.push(Answer::ok(vec![row.get(0) * k]));
+            out.push(OutputRow::ok(vec![row.get(0) * k]));
         })?;
         Ok(String::from_utf8_lossy(&std::fs::read(out).unwrap()).into_owned())
     }

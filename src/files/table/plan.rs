@@ -2,11 +2,13 @@
 //! written.
 
 use super::cell::{self, Cell, Possible};
-use super::possible::repeated;
+use super::physical_range::repeated;
 use super::record::Splitter;
-use super::rows::{At, Block};
+use super::rows::{RowBlock, RowStart};
 use super::sink::is_formula;
-use super::{Answer, Answering, Record, Row, Spec, Table, Tally, push_cell, push_number, push_text};
+use super::{
+    Answering, BatchSpec, InputRow, InputTable, OutputRow, RowTally, TableRecord, push_cell, push_number, push_text,
+};
 use crate::{Error, Result, progress};
 use mesophyll_base::error::Status;
 use rayon::prelude::*;
@@ -39,7 +41,7 @@ struct Column {
 /// What was answered of a block, in order.
 pub(super) struct Part {
     pub bytes: Vec<u8>,
-    pub tally: Tally,
+    pub tally: RowTally,
     /// How many lines of the file have an answer.
     pub lines: u64,
     pub stated: Stated,
@@ -69,7 +71,7 @@ impl Stated {
     }
 
     /// Says on standard error how many cells were taken for missing readings.
-    pub fn say(&self, table: &Table) {
+    pub fn say(&self, table: &InputTable) {
         if self.count > 0 {
             let cells = super::counted(self.count, "cell");
             let name = table.name().display();
@@ -79,7 +81,7 @@ impl Stated {
 }
 
 impl Plan {
-    pub(super) fn new(table: &Table, spec: &Spec) -> Result<Plan> {
+    pub(super) fn new(table: &InputTable, spec: &BatchSpec) -> Result<Plan> {
         let readings: HashSet<&String> = spec.readings.iter().collect();
         let column = |name: &String, at: Option<usize>, needed: bool| Column {
             at,
@@ -130,7 +132,7 @@ impl Plan {
         self.numbers.iter_mut().filter(|c| columns.contains(&c.name)).for_each(|c| c.possible = possible);
     }
 
-    pub(super) fn header_line(&self, table: &Table, spec: &Spec) -> Vec<u8> {
+    pub(super) fn header_line(&self, table: &InputTable, spec: &BatchSpec) -> Vec<u8> {
         let names = self.carried.iter().map(|&k| table.header[k].as_str());
         let names = names.chain(spec.outputs.iter().map(String::as_str)).chain(["status"]);
         let mut line = Vec::new();
@@ -145,13 +147,13 @@ impl Plan {
     }
 
     /// Answers all rows of a block, in consecutive parts.
-    pub(super) fn compute(&self, block: &Block, spec: &Spec, f: &Answering) -> Vec<Part> {
+    pub(super) fn compute(&self, block: &RowBlock, spec: &BatchSpec, f: &Answering) -> Vec<Part> {
         let chunk = block.rows.len().div_ceil(rayon::current_num_threads() * 4).max(16);
         let parts = block.rows.par_chunks(chunk).enumerate();
-        let answer = |(part, rows): (usize, &[At])| {
-            let (bytes, tally) = (Vec::with_capacity(rows.len() * 128), Tally::new(&spec.outputs));
+        let answer = |(part, rows): (usize, &[RowStart])| {
+            let (bytes, tally) = (Vec::with_capacity(rows.len() * 128), RowTally::new(&spec.outputs));
             let mut done = Part { bytes, tally, lines: 0, stated: Stated::default() };
-            let (mut splitter, mut record) = (Splitter::new(self.separator), Record::default());
+            let (mut splitter, mut record) = (Splitter::new(self.separator), TableRecord::default());
             let (mut values, mut faults, mut answers) = (Vec::new(), Vec::new(), Vec::new());
             for (k, row) in rows.iter().enumerate() {
                 let place = part * chunk + k;
@@ -163,9 +165,9 @@ impl Plan {
                 match self.numbers(&record, spec, &mut values, &mut faults, &mut done.stated) {
                     Ok(()) => {
                         let (values, record, texts, number) = (&values[..], &record, &self.texts[..], row.number);
-                        f(&Row { values, record, texts, number, faults: &faults }, &mut answers)
+                        f(&InputRow { values, record, texts, number, faults: &faults }, &mut answers)
                     }
-                    Err(why) => answers.push(Answer::refused(why)),
+                    Err(why) => answers.push(OutputRow::refused(why)),
                 }
                 debug_assert!(answers.iter().all(|a| a.values.is_empty() || a.values.len() == spec.outputs.len()));
                 for answer in &answers {
@@ -180,7 +182,7 @@ impl Plan {
     }
 
     /// The word in each column of words; `None` where there is no such column.
-    pub(super) fn words<'a>(&'a self, record: &'a Record) -> impl Iterator<Item = Option<&'a str>> {
+    pub(super) fn words<'a>(&'a self, record: &'a TableRecord) -> impl Iterator<Item = Option<&'a str>> {
         self.texts.iter().map(|at| record.text(*at).and_then(|text| text.ok()))
     }
 
@@ -188,8 +190,8 @@ impl Plan {
     /// readings that cannot be read, each with the place of its column.
     pub(super) fn numbers(
         &self,
-        record: &Record,
-        spec: &Spec,
+        record: &TableRecord,
+        spec: &BatchSpec,
         values: &mut Vec<f64>,
         faults: &mut Vec<(usize, String)>,
         stated: &mut Stated,
@@ -234,7 +236,7 @@ impl Plan {
         }
     }
 
-    pub(super) fn write_row(&self, bytes: &mut Vec<u8>, record: &Record, answer: &Answer) {
+    pub(super) fn write_row(&self, bytes: &mut Vec<u8>, record: &TableRecord, answer: &OutputRow) {
         for &k in &self.carried {
             let cell = record.bytes(k);
             if record.is_exact() && !is_formula(cell) {
@@ -249,7 +251,7 @@ impl Plan {
 }
 
 /// Says which value is taken for a missing reading because it is repeated and impossible.
-pub(super) fn say_repeated(table: &Table, value: Option<f64>, columns: &[String]) {
+pub(super) fn say_repeated(table: &InputTable, value: Option<f64>, columns: &[String]) {
     let Some(value) = value else { return };
     let there: Vec<&str> = columns.iter().map(String::as_str).filter(|c| table.column(c).is_some()).collect();
     let more = if there.len() > 4 { format!(" and {} more columns", there.len() - 4) } else { String::new() };
@@ -259,12 +261,12 @@ pub(super) fn say_repeated(table: &Table, value: Option<f64>, columns: &[String]
 }
 
 /// Which output columns are whole numbers.
-pub(super) fn whole(spec: &Spec) -> Vec<bool> {
+pub(super) fn whole(spec: &BatchSpec) -> Vec<bool> {
     spec.outputs.iter().map(|name| spec.whole.contains(name)).collect()
 }
 
 /// Output cells and status of a row, and the end of its line.
-pub(super) fn push_cells(bytes: &mut Vec<u8>, answer: &Answer, whole: &[bool]) {
+pub(super) fn push_cells(bytes: &mut Vec<u8>, answer: &OutputRow, whole: &[bool]) {
     for (k, whole) in whole.iter().enumerate() {
         match answer.values.get(k) {
             Some(v) if *whole && v.fract() == 0.0 => push_text(bytes, &format!("{v:.0}")),

@@ -17,7 +17,7 @@ impl Splitter {
 
     /// Splits a row, which ends in a line end. `plain` says that it has no quotes. Returns false where the row does not
     /// hold exactly one record, which would be a fault of who cut the rows.
-    pub fn split(&mut self, row: &[u8], plain: bool, record: &mut Record) -> bool {
+    pub fn split(&mut self, row: &[u8], plain: bool, record: &mut TableRecord) -> bool {
         if plain {
             record.hold(row, self.separator);
             return true;
@@ -53,7 +53,7 @@ impl Splitter {
 
 /// One row as it was read.
 #[derive(Debug, Clone, Default)]
-pub struct Record {
+pub struct TableRecord {
     /// The text of the cells, one after another.
     bytes: Vec<u8>,
     /// Where each cell's text ends.
@@ -70,7 +70,7 @@ pub struct Record {
     pub(super) unclosed: Option<String>,
 }
 
-impl Record {
+impl TableRecord {
     /// Takes a line without quotes as it is.
     fn hold(&mut self, line: &[u8], separator: u8) {
         self.bytes.clear();

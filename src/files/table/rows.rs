@@ -22,18 +22,18 @@ pub const LARGEST_BLOCK: usize = 1 << 24;
 
 /// Whole rows, each ending in a line end.
 #[derive(Debug, Default)]
-pub struct Block {
+pub struct RowBlock {
     /// The rows as they are in the file, without blank lines.
     pub bytes: Vec<u8>,
     /// Where each row begins.
-    pub rows: Vec<At>,
+    pub rows: Vec<RowStart>,
     /// Rows whose quotes make no sense: their place in `rows`, and why.
     faults: Vec<(usize, String)>,
 }
 
 /// The beginning of a row.
 #[derive(Debug, Clone, Copy)]
-pub struct At {
+pub struct RowStart {
     /// Its first byte.
     pub start: usize,
     /// Which row of the file it is, counted from 0; the header is row 0.
@@ -46,7 +46,7 @@ pub struct At {
     pub plain: bool,
 }
 
-impl Block {
+impl RowBlock {
     /// Forgets all rows.
     pub fn clear(&mut self) {
         self.bytes.clear();
@@ -62,7 +62,7 @@ impl Block {
 
 /// A table as whole rows with its unclosed quotes mended; see the module. A line feed, a carriage return, and both
 /// together end a line alike.
-pub struct Rows<R> {
+pub struct TableRows<R> {
     source: BufReader<Lines<R>>,
     separator: u8,
     /// Whether runs of blanks separate the cells.
@@ -87,11 +87,11 @@ enum End {
     Wrong(usize),
 }
 
-impl<R: Read> Rows<R> {
+impl<R: Read> TableRows<R> {
     pub fn new(source: R, dialect: &Dialect) -> Self {
         let source = BufReader::with_capacity(1 << 18, Lines::new(source));
         let (separator, blanks) = (dialect.separator, dialect.blanks);
-        Rows { source, separator, blanks, ahead: VecDeque::new(), line: 1, number: 0, stands_for: Vec::new() }
+        TableRows { source, separator, blanks, ahead: VecDeque::new(), line: 1, number: 0, stands_for: Vec::new() }
     }
 
     /// Makes the rows below the header name the lines of another file.
@@ -157,7 +157,7 @@ impl<R: Read> Rows<R> {
 
     /// Adds the lines without quotes that are in memory already, until `block` has `most` rows: the same rows as by
     /// [`Rows::next`], in a fifth of the time.
-    pub fn in_memory(&mut self, block: &mut Block, most: usize) -> io::Result<()> {
+    pub fn in_memory(&mut self, block: &mut RowBlock, most: usize) -> io::Result<()> {
         if !self.ahead.is_empty() || self.blanks || !self.stands_for.is_empty() {
             return Ok(());
         }
@@ -181,7 +181,7 @@ impl<R: Read> Rows<R> {
             }
             if at > taken {
                 let start = block.bytes.len();
-                block.rows.push(At { start, number: *number, line: *line, lines: 1, plain: true });
+                block.rows.push(RowStart { start, number: *number, line: *line, lines: 1, plain: true });
                 block.bytes.extend_from_slice(&seen[taken..end]);
                 *number += 1;
             }
@@ -199,7 +199,7 @@ impl<R: Read> Rows<R> {
     }
 
     /// Adds the next row to `block`; false at the end of the file.
-    pub fn next(&mut self, block: &mut Block) -> io::Result<bool> {
+    pub fn next(&mut self, block: &mut RowBlock) -> io::Result<bool> {
         loop {
             let start = block.bytes.len();
             self.next_line(&mut block.bytes)?;
@@ -222,7 +222,7 @@ impl<R: Read> Rows<R> {
 
     /// Makes a row of what was added to `block` from `start` on, which took `lines` lines of the file; returns false
     /// where it is blank.
-    fn add(&mut self, block: &mut Block, start: usize, lines: u64) -> bool {
+    fn add(&mut self, block: &mut RowBlock, start: usize, lines: u64) -> bool {
         let text = text_of(&block.bytes[start..]);
         if text.is_empty() {
             block.bytes.truncate(start);
@@ -239,13 +239,13 @@ impl<R: Read> Rows<R> {
             block.bytes.truncate(end);
         }
         block.bytes.push(b'\n');
-        block.rows.push(At { start, number: self.number, line: self.named(self.line), lines, plain });
+        block.rows.push(RowStart { start, number: self.number, line: self.named(self.line), lines, plain });
         self.number += 1;
         true
     }
 
     /// A row that begins with `first`, which holds a quote.
-    fn quoted(&mut self, first: Vec<u8>, block: &mut Block) -> io::Result<()> {
+    fn quoted(&mut self, first: Vec<u8>, block: &mut RowBlock) -> io::Result<()> {
         let start = block.bytes.len();
         let (mut row, mut lines, mut taken) = (first.clone(), 1, Vec::new());
         let why = loop {
@@ -343,15 +343,15 @@ fn scan(row: &[u8], separator: u8) -> End {
 
 #[cfg(test)]
 mod tests {
-    use crate::table::{Record, Table};
+    use crate::table::{InputTable, TableRecord};
     use proptest::prelude::*;
     use std::path::PathBuf;
 
     /// The rows of a text, and whether one of its quotes made no sense.
     fn ours(text: &str) -> (Vec<Vec<String>>, bool) {
         let mut table =
-            Table::from_reader(Box::new(std::io::Cursor::new(text.to_string())), PathBuf::from("-")).unwrap();
-        let (mut rows, mut record, mut faulty) = (Vec::new(), Record::default(), false);
+            InputTable::from_reader(Box::new(std::io::Cursor::new(text.to_string())), PathBuf::from("-")).unwrap();
+        let (mut rows, mut record, mut faulty) = (Vec::new(), TableRecord::default(), false);
         while table.next_record(&mut record).unwrap() {
             faulty |= record.fault(record.len()).is_some();
             rows.push((0..record.len()).map(|k| record.shown(k).into_owned()).collect());

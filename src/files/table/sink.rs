@@ -1,7 +1,7 @@
 //! Where a table's rows go, and how cells are written.
 
-use super::json::Rows;
-use crate::atomic::{self, Pending};
+use super::json::JsonRows;
+use crate::atomic::{self, PendingFile};
 use crate::claim;
 use crate::{Error, Result};
 use std::io::{self, Write};
@@ -9,29 +9,29 @@ use std::path::{Path, PathBuf};
 
 /// Where rows go and in which form.
 #[derive(Debug, Clone)]
-pub struct Output {
+pub struct TableOutput {
     /// A file, or `-` for standard output.
     pub path: PathBuf,
     /// Whether rows are written as JSON instead of CSV.
     pub json: bool,
 }
 
-impl Output {
+impl TableOutput {
     /// Rows as CSV.
-    pub fn csv(path: &Path) -> Output {
-        Output { path: path.to_path_buf(), json: false }
+    pub fn csv(path: &Path) -> TableOutput {
+        TableOutput { path: path.to_path_buf(), json: false }
     }
 }
 
 /// An opened [`Output`]: a file that appears only when it is complete, or standard output.
-pub struct Sink {
+pub struct TableSink {
     place: Place,
     path: PathBuf,
-    json: Option<Rows>,
+    json: Option<JsonRows>,
 }
 
 enum Place {
-    File(Pending),
+    File(PendingFile),
     Stdout(io::BufWriter<io::Stdout>),
 }
 
@@ -51,19 +51,19 @@ impl Write for Place {
     }
 }
 
-impl Sink {
+impl TableSink {
     /// Opens the output of a batch that reads `input` (`-`: a standard stream).
     ///
     /// # Errors
     /// As [`claim::file`] and [`Pending::create`].
-    pub fn open(output: &Output, input: &Path) -> Result<Sink> {
+    pub fn open(output: &TableOutput, input: &Path) -> Result<TableSink> {
         claim::file(&output.path, &["csv", "json"], &[input])?;
         let place = if output.path == Path::new("-") {
             Place::Stdout(io::BufWriter::with_capacity(1 << 16, io::stdout()))
         } else {
-            Place::File(Pending::create(&output.path)?)
+            Place::File(PendingFile::create(&output.path)?)
         };
-        Ok(Sink { place, path: output.path.clone(), json: output.json.then(Rows::default) })
+        Ok(TableSink { place, path: output.path.clone(), json: output.json.then(JsonRows::default) })
     }
 
     /// Writes whole lines of CSV; the first one is the header.

@@ -3,9 +3,9 @@
 use super::cell::{self, Cell, Possible};
 use super::dialect::Dialect;
 use super::lines::{Encoding, FromUtf16};
-use super::record::{Record, Splitter};
-use super::rows::{Block, LARGEST_BLOCK, Rows};
-use crate::instrument::{self, Stated};
+use super::record::{Splitter, TableRecord};
+use super::rows::{LARGEST_BLOCK, RowBlock, TableRows};
+use crate::instrument::{self, InstrumentStatement};
 use crate::{Error, Result};
 use crate::{atomic, progress};
 use std::collections::HashMap;
@@ -16,12 +16,12 @@ use std::path::{Path, PathBuf};
 type Source = Box<dyn Read + Send>;
 
 /// An opened table: its header is read, its rows are not.
-pub struct Table {
-    rows: Rows<Source>,
+pub struct InputTable {
+    rows: TableRows<Source>,
     pub(super) dialect: Dialect,
     /// The row that [`Table::next_record`] reads, and what splits it.
     splitter: Splitter,
-    block: Block,
+    block: RowBlock,
     /// The first bytes of the file, and whether they are all of it.
     head: (Vec<u8>, bool),
     /// How many lines that are not empty were passed over or became the header, and how many became rows.
@@ -31,7 +31,7 @@ pub struct Table {
     /// The file, or `-`.
     source: PathBuf,
     /// What the file states besides its cells, where it is one of an instrument.
-    stated: Option<Stated>,
+    stated: Option<InstrumentStatement>,
     /// Names of the columns.
     pub header: Vec<String>,
     places: HashMap<String, usize>,
@@ -48,12 +48,12 @@ const LONGEST_HEAD: usize = 1 << 23;
 /// This many names of a header are shown in a message.
 const SHOWN: usize = 10;
 
-impl Table {
+impl InputTable {
     /// Opens `path` (`-`: standard input) and reads the header line. A file of an instrument becomes a table first.
     ///
     /// # Errors
     /// [`Error::Input`] for a missing file, no header, or a column named twice.
-    pub fn open(path: &Path) -> Result<Table> {
+    pub fn open(path: &Path) -> Result<InputTable> {
         let (source, name): (Source, PathBuf) = if path == Path::new("-") {
             (Box::new(io::stdin()), "standard input".into())
         } else {
@@ -61,7 +61,7 @@ impl Table {
             (Box::new(file), path.to_path_buf())
         };
         let (source, stated) = instrument::through(source, &name)?;
-        Ok(Table { source: path.to_path_buf(), stated, ..Table::from_reader(source, name)? })
+        Ok(InputTable { source: path.to_path_buf(), stated, ..InputTable::from_reader(source, name)? })
     }
 
     /// A table from any source; `name` takes the place of the file's name in messages. The form of the table is told by
@@ -69,7 +69,7 @@ impl Table {
     ///
     /// # Errors
     /// As [`Table::open`].
-    pub fn from_reader(source: Source, name: PathBuf) -> Result<Table> {
+    pub fn from_reader(source: Source, name: PathBuf) -> Result<InputTable> {
         let unreadable = |e: &io::Error| Error::input(&name, format!("line 1: {}", atomic::explain(e)));
         let (head, whole, rest, encoding) = begin(source).map_err(|e| unreadable(&e))?;
         let dialect = Dialect::of(&head, whole);
@@ -79,13 +79,13 @@ impl Table {
             false => words,
         });
         let parts: Vec<String> = utf_16.iter().cloned().chain(form).collect();
-        let mut rows: Rows<Source> = Rows::new(Box::new(Cursor::new(head.clone()).chain(rest)), &dialect);
+        let mut rows: TableRows<Source> = TableRows::new(Box::new(Cursor::new(head.clone()).chain(rest)), &dialect);
         let before = rows.skip(dialect.skipped).map_err(|e| unreadable(&e))?;
-        let mut table = Table {
+        let mut table = InputTable {
             rows,
             splitter: Splitter::new(dialect.separator),
             dialect,
-            block: Block::default(),
+            block: RowBlock::default(),
             head: (head, whole),
             before,
             handed: 0,
@@ -104,14 +104,14 @@ impl Table {
 
     /// This table as one that was made of another: `source` is the file that is read, and `lines` are the lines of that
     /// file that its rows come from, for messages.
-    pub fn standing_for(mut self, source: &Path, lines: Vec<usize>) -> Table {
+    pub fn standing_for(mut self, source: &Path, lines: Vec<usize>) -> InputTable {
         self.source = source.to_path_buf();
         self.rows.stand_for(lines);
         self
     }
 
     fn read_header(&mut self) -> Result<()> {
-        let mut record = Record::default();
+        let mut record = TableRecord::default();
         self.next_record(&mut record)?;
         (self.before, self.handed) = (self.before + self.handed, 0);
         let name = &self.name;
@@ -158,7 +158,7 @@ impl Table {
     }
 
     /// What the file states besides its cells; `None` for a plain table.
-    pub fn stated(&self) -> Option<&Stated> {
+    pub fn stated(&self) -> Option<&InstrumentStatement> {
         self.stated.as_ref()
     }
 
@@ -203,12 +203,12 @@ impl Table {
     }
 
     /// Calls `see` with the whole rows of the file's first bytes.
-    pub(super) fn each_in_head(&self, mut see: impl FnMut(&Record)) {
+    pub(super) fn each_in_head(&self, mut see: impl FnMut(&TableRecord)) {
         let (bytes, whole) = &self.head;
         let end = if *whole { bytes.len() } else { memchr::memrchr2(b'\n', b'\r', bytes).map_or(0, |at| at + 1) };
-        let mut rows = Rows::new(&bytes[..end], &self.dialect);
-        let (mut splitter, mut record) = (self.splitter.clone(), Record::default());
-        let mut block = Block::default();
+        let mut rows = TableRows::new(&bytes[..end], &self.dialect);
+        let (mut splitter, mut record) = (self.splitter.clone(), TableRecord::default());
+        let mut block = RowBlock::default();
         // Bytes in memory are read without errors.
         let _ = rows.skip(self.dialect.skipped);
         while rows.next(&mut block).unwrap_or(false) {
@@ -225,7 +225,7 @@ impl Table {
     ///
     /// # Errors
     /// The sentence that names the column, what was found, and what was expected.
-    pub fn number(&self, record: &Record, column: usize) -> std::result::Result<Option<f64>, String> {
+    pub fn number(&self, record: &TableRecord, column: usize) -> std::result::Result<Option<f64>, String> {
         self.number_in(record, column, Possible::ANY.range)
     }
 
@@ -236,7 +236,7 @@ impl Table {
     /// As [`Table::number`].
     pub fn number_in(
         &self,
-        record: &Record,
+        record: &TableRecord,
         column: usize,
         range: [f64; 2],
     ) -> std::result::Result<Option<f64>, String> {
@@ -273,7 +273,7 @@ impl Table {
     /// # Errors
     /// [`Error::Input`] for a file that cannot be read, and where the rows that were read are not all lines of the
     /// file.
-    pub fn next_record(&mut self, record: &mut Record) -> Result<bool> {
+    pub fn next_record(&mut self, record: &mut TableRecord) -> Result<bool> {
         self.block.clear();
         if !self.rows.next(&mut self.block).map_err(|e| self.unreadable(&e))? {
             self.balance(self.handed)?;
@@ -289,7 +289,7 @@ impl Table {
     }
 
     /// Reads the next `most` rows, or fewer where they are long, without looking at their cells; reads none at the end.
-    pub(super) fn next_block(&mut self, most: usize, block: &mut Block) -> Result<()> {
+    pub(super) fn next_block(&mut self, most: usize, block: &mut RowBlock) -> Result<()> {
         block.clear();
         while block.rows.len() < most && block.bytes.len() < LARGEST_BLOCK {
             self.rows.in_memory(block, most).map_err(|e| self.unreadable(&e))?;

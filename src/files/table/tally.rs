@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 /// How many rows ended in which way, and which values were found in rows that leave some values open.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct RowTally {
     /// Rows in all.
     pub rows: usize,
     /// Rows whose values are right within their errors.
@@ -27,15 +27,15 @@ struct Value {
     found: usize,
 }
 
-impl Tally {
+impl RowTally {
     /// A tally without rows. `outputs` are the output columns before `status`. The values among them are those with a
     /// column of errors (`x` with `x_err`), or all columns where none has one.
-    pub fn new<S: AsRef<str>>(outputs: &[S]) -> Tally {
+    pub fn new<S: AsRef<str>>(outputs: &[S]) -> RowTally {
         let has_error = |name: &str| outputs.iter().any(|o| o.as_ref().strip_suffix("_err") == Some(name));
         let any = outputs.iter().any(|o| has_error(o.as_ref()));
         let named = outputs.iter().map(AsRef::as_ref).enumerate().filter(|(_, name)| !any || has_error(name));
         let values = named.map(|(column, name)| Value { name: name.to_string(), column, found: 0 }).collect();
-        Tally { values, ..Tally::default() }
+        RowTally { values, ..RowTally::default() }
     }
 
     /// Counts a row; `values` are its cells in the order of the output columns.
@@ -55,7 +55,7 @@ impl Tally {
     }
 
     /// Adds the rows of another part of the same batch.
-    pub fn add(&mut self, part: &Tally) {
+    pub fn add(&mut self, part: &RowTally) {
         self.rows += part.rows;
         self.ok += part.ok;
         self.undetermined += part.undetermined;
@@ -135,14 +135,14 @@ mod tests {
 
     #[test]
     fn one_row_says_what_was_found() {
-        let mut t = Tally::new(&OUTPUTS);
+        let mut t = RowTally::new(&OUTPUTS);
         t.count(&open("radius (alpha and load give no radius)"), &[0.3, f64::NAN, 0.01, f64::NAN, 1.0]);
         assert_eq!(
             t.words("row"),
             "1 row: 0 ok, 1 undetermined, 0 refused; the undetermined row has alpha, but not radius"
         );
         assert_eq!(t.found().collect::<Vec<_>>(), [("alpha", 1), ("radius", 0)]);
-        let mut none = Tally::new(&OUTPUTS);
+        let mut none = RowTally::new(&OUTPUTS);
         none.count(&open("alpha radius (residuals exceed the noise)"), &[0.3, 2.0, 0.01, 0.1, 90.0]);
         assert_eq!(
             none.words("leaf"),
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn several_rows_count_each_value() {
-        let (mut t, mut part) = (Tally::new(&OUTPUTS), Tally::new(&OUTPUTS));
+        let (mut t, mut part) = (RowTally::new(&OUTPUTS), RowTally::new(&OUTPUTS));
         t.count(&Status::Ok, &[0.3, 2.0, 0.01, 0.01, 1.0]);
         t.count(&open("alpha >= 0.5"), &[0.3, 2.0, 1.0, 0.1, 1.0]);
         part.count(&open("alpha; radius"), &[0.3, 2.0, 1.0, 9.0, 1.0]);
@@ -168,8 +168,8 @@ mod tests {
 
     #[test]
     fn without_error_columns_every_output_is_a_value() {
-        let t = Tally::new(&["u", "du"]);
+        let t = RowTally::new(&["u", "du"]);
         assert_eq!(t.found().map(|(name, _)| name).collect::<Vec<_>>(), ["u", "du"]);
-        assert_eq!(Tally::new(&["t"]).words("leaf"), "0 leaves: 0 ok, 0 undetermined, 0 refused");
+        assert_eq!(RowTally::new(&["t"]).words("leaf"), "0 leaves: 0 ok, 0 undetermined, 0 refused");
     }
 }

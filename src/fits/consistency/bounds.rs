@@ -1,7 +1,7 @@
 //! What the mask says, and numbers that no leaf can have.
 
 use super::{CAUSE, Off, Seen, Setup, figure};
-use crate::leaf_folder::fill;
+use crate::leaf_folder::filling;
 use mesophyll_files::quantity::Quantity;
 use std::collections::BTreeMap;
 
@@ -168,7 +168,7 @@ fn energy(seen: &Seen, out: &mut Vec<String>) {
 fn filled(seen: &Seen, out: &mut Vec<String>) {
     use Quantity::{Gamma, Normal, RhoD, RhoS, RhoT, SigmaA, SigmaS, Thickness};
     let good: Vec<bool> = seen.mask.iter().map(|m| *m == 1.0).collect();
-    let Some(source) = fill::sources(&good, seen.maps.width, seen.maps.height) else { return };
+    let Some(source) = filling::sources(&good, seen.maps.width, seen.maps.height) else { return };
     for quantity in [RhoD, RhoT, RhoS, Normal, Gamma, Thickness, SigmaA, SigmaS] {
         for c in 0..quantity.letters().len() {
             let Some(plane) = seen.maps.plane(quantity, c) else { continue };

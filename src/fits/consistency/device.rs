@@ -2,8 +2,8 @@
 //! and the reduced χ² of the texels against that of the side.
 
 use super::{CAUSE, CLOSE, FACTOR, Seen, Setup, figure, sample};
-use crate::leaf::held_out::{Predictor, Scratch, known_errors, texel_of};
-use crate::record::scan::{HeldOut, Scan};
+use crate::leaf::held_out::{FramePredictor, PredictionScratch, known_errors, texel_of};
+use crate::record::scan::{HeldOutResiduals, ScanRecord};
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::tube::Travel;
 
@@ -96,14 +96,14 @@ fn afresh(seen: &Seen, out: &mut Vec<String>) {
     let passes = seen.record.options.get("passes").map_or(0, |p| p.split_whitespace().count());
     let kept = |travel: Travel| {
         let held = seen.section.held_out.get(travel.name())?;
-        Some(Predictor::new(scan, travel, &positions(held, frames(told, travel)?)?))
+        Some(FramePredictor::new(scan, travel, &positions(held, frames(told, travel)?)?))
     };
-    let found: Vec<Predictor> = [Travel::X, Travel::Y].into_iter().filter_map(kept).collect();
+    let found: Vec<FramePredictor> = [Travel::X, Travel::Y].into_iter().filter_map(kept).collect();
     // A pass that kept all of its frames does not say where they were.
     if found.len() != passes || found.is_empty() {
         return;
     }
-    let mut scratch = Scratch::default();
+    let mut scratch = PredictionScratch::default();
     // Of each quantity, the stated error over the computed one.
     let quantities = [(Quantity::RhoD, 0), (Quantity::RhoS, 3), (Quantity::M, 6), (Quantity::Normal, 7)];
     let mut ratios = [const { Vec::new() }; 4];
@@ -144,7 +144,7 @@ fn afresh(seen: &Seen, out: &mut Vec<String>) {
 }
 
 /// Where a texel is (mm).
-fn place(seen: &Seen, scan: &Scan, k: usize) -> [f64; 2] {
+fn place(seen: &Seen, scan: &ScanRecord, k: usize) -> [f64; 2] {
     let (w, h) = (seen.maps.width, seen.maps.height);
     [(k % w) as f64 - (0.5 * w as f64 - 0.5), (0.5 * h as f64 - 0.5) - (k / w) as f64].map(|v| v * scan.texel_mm)
 }
@@ -157,7 +157,7 @@ fn frames(told: &str, travel: Travel) -> Option<usize> {
 }
 
 /// Positions of the frames that the fit saw, where those of three others show that all are evenly spaced.
-fn positions(held: &HeldOut, frames: usize) -> Option<Vec<f64>> {
+fn positions(held: &HeldOutResiduals, frames: usize) -> Option<Vec<f64>> {
     let all: Vec<(f64, f64)> = held.frames.iter().map(|f| *f as f64).zip(held.positions_mm.iter().copied()).collect();
     let (&[first, _, ..], &[.., last]) = (all.as_slice(), all.as_slice()) else { return None };
     let step = (last.1 - first.1) / (last.0 - first.0);

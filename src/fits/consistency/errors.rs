@@ -2,7 +2,7 @@
 
 use super::slab::{At, Slab, Variance};
 use super::{Off, Seen, Setup, TEXELS, sample};
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::slab::response_with_partials;
 use rayon::prelude::*;
@@ -49,8 +49,8 @@ struct Texel {
 }
 
 impl<'a, 'b> Chain<'a, 'b> {
-    fn of(seen: &'b Seen<'a>, errors: &'b Maps) -> Option<Chain<'a, 'b>> {
-        let sigma = |maps: &'b Maps| Some([maps.three(Quantity::SigmaA)?, maps.three(Quantity::SigmaS)?]);
+    fn of(seen: &'b Seen<'a>, errors: &'b ChannelMaps) -> Option<Chain<'a, 'b>> {
+        let sigma = |maps: &'b ChannelMaps| Some([maps.three(Quantity::SigmaA)?, maps.three(Quantity::SigmaS)?]);
         let (a, s, h) = (seen.three(Quantity::SigmaA)?, seen.three(Quantity::SigmaS)?, seen.thickness()?);
         Some(Chain {
             seen,
@@ -161,7 +161,7 @@ impl<'a, 'b> Chain<'a, 'b> {
 }
 
 /// A dome's errors are the sums that `fit.toml` names.
-fn dome(seen: &Seen, errors: &Maps, out: &mut Vec<String>) {
+fn dome(seen: &Seen, errors: &ChannelMaps, out: &mut Vec<String>) {
     let texels: Vec<usize> = seen.good.clone();
     let mut same = |quantity: Quantity, c: usize, expected: &dyn Fn(usize) -> f64, by: &str| {
         let Some(plane) = errors.plane(quantity, c) else { return };

@@ -29,10 +29,10 @@ mod interior;
 mod shared;
 mod slab;
 
-use crate::leaf_folder::{File, LeafFit};
-use crate::record::{FitKind, FitRecord, Param, RECORD, Section};
+use crate::leaf_folder::{LeafFit, LeafFitFile};
+use crate::record::{FitKind, FitParameter, FitRecord, RECORD, RecordSection};
 use crate::{Error, Result};
-use mesophyll_files::image::{Maps, read_exr};
+use mesophyll_files::image::{ChannelMaps, read_exr};
 use mesophyll_files::progress;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Side;
@@ -46,7 +46,7 @@ const FACTOR: f64 = 2.0;
 
 /// A file that is not what the fit wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Changed {
+pub struct FileChange {
     /// Its path.
     pub path: PathBuf,
     /// The sentence for the user.
@@ -55,9 +55,9 @@ pub struct Changed {
 
 /// What a fit folder says against itself: sentences that name the file, the field, both numbers and the likely cause.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Faults {
+pub struct ConsistencyFaults {
     /// Files that are not what the fit wrote, by their hashes.
-    pub changed: Vec<Changed>,
+    pub changed: Vec<FileChange>,
     /// Numbers that contradict each other.
     pub contradictions: Vec<String>,
     /// What is unusual and no fault: another program or version made the fit.
@@ -66,7 +66,7 @@ pub struct Faults {
     pub unseen: Vec<String>,
 }
 
-impl Faults {
+impl ConsistencyFaults {
     /// What must not be in a fit: changed files and contradictions.
     pub fn all(&self) -> impl Iterator<Item = &String> {
         self.changed.iter().map(|changed| &changed.said).chain(&self.contradictions)
@@ -95,21 +95,21 @@ impl Faults {
 ///
 /// # Errors
 /// [`Error::Input`] for a folder without a record that can be read, and for a map that is damaged.
-pub fn of(folder: &Path) -> Result<Faults> {
+pub fn of(folder: &Path) -> Result<ConsistencyFaults> {
     let record = FitRecord::read(folder)?;
-    let mut out = Faults {
+    let mut out = ConsistencyFaults {
         changed: (record.changes(folder).into_iter())
-            .map(|(name, error)| Changed { path: folder.join(name), said: error.to_string() })
+            .map(|(name, error)| FileChange { path: folder.join(name), said: error.to_string() })
             .collect(),
         notes: record.made_elsewhere().map(|said| format!("{}: {said}", folder.display())).into_iter().collect(),
-        ..Faults::default()
+        ..ConsistencyFaults::default()
     };
     let place = folder.join(RECORD);
     let whole = |path: &Path| out.changed.iter().all(|changed| changed.path != path);
     if !whole(&place) {
         return Ok(out);
     }
-    let mut found = Faults::default();
+    let mut found = ConsistencyFaults::default();
     found.contradictions.extend(record.contradictions().iter().map(|what| format!("{}: {what}", place.display())));
     if record.kind == FitKind::Leaf {
         let leaf = LeafFit::open(folder)?;
@@ -166,12 +166,12 @@ impl Setup {
 /// One side of a leaf fit.
 struct Seen<'a> {
     record: &'a FitRecord,
-    section: &'a Section,
+    section: &'a RecordSection,
     setup: Setup,
     path: PathBuf,
     errors_path: PathBuf,
-    maps: &'a Maps,
-    errors: Option<Maps>,
+    maps: &'a ChannelMaps,
+    errors: Option<ChannelMaps>,
     mask: &'a [f32],
     /// Texels that the mask calls good.
     good: Vec<usize>,
@@ -180,14 +180,14 @@ struct Seen<'a> {
 impl<'a> Seen<'a> {
     /// `None` where the folder has no maps of the side, or maps without a mask, or other maps than the fit wrote.
     fn read(leaf: &'a LeafFit, side: Side, whole: impl Fn(&Path) -> bool) -> Result<Option<Seen<'a>>> {
-        let path = leaf.path(File::Maps, side);
+        let path = leaf.path(LeafFitFile::Maps, side);
         let there = |path: &Path| path.is_file() && whole(path);
         if !there(&path) {
             return Ok(None);
         }
         let maps = leaf.maps(side)?;
         let Some(mask) = maps.scalar(Quantity::Mask) else { return Ok(None) };
-        let errors_path = leaf.path(File::Errors, side);
+        let errors_path = leaf.path(LeafFitFile::Errors, side);
         let errors = there(&errors_path).then(|| read_exr(&errors_path)).transpose()?;
         if let Some(errors) = &errors {
             errors.require_size(&errors_path, maps.width, maps.height)?;
@@ -205,7 +205,7 @@ impl<'a> Seen<'a> {
         }))
     }
 
-    fn judge(&self, out: &mut Faults) {
+    fn judge(&self, out: &mut ConsistencyFaults) {
         let before = out.contradictions.len();
         let known = |q: Quantity| self.param(q).is_some_and(|p| p.stderr.iter().any(|e| e.is_finite()));
         if self.setup == Setup::Edited && (known(Quantity::SigmaA) || known(Quantity::SigmaS)) {
@@ -239,7 +239,7 @@ impl<'a> Seen<'a> {
         <[f64; 3]>::try_from(self.param(quantity)?.value.as_slice()).ok().filter(|v| v.iter().all(|x| x.is_finite()))
     }
 
-    fn param(&self, quantity: Quantity) -> Option<&Param> {
+    fn param(&self, quantity: Quantity) -> Option<&FitParameter> {
         self.section.params.get(quantity.name())
     }
 

@@ -2,11 +2,11 @@
 
 use super::{CAUSE, FACTOR, Seen, Setup, figure, sample};
 use crate::leaf::curve::Incidence;
+use crate::leaf::indeterminacy;
+use crate::leaf::leaf_wide::{self, LeafWideSettings, LeafWideTexel};
 use crate::leaf::sides::{APART, APART_IN_ERRORS, SECTION};
-use crate::leaf::undetermined;
-use crate::leaf::wide::{self, Settings, Texel};
-use crate::record::fault::Grade;
-use crate::record::{FitRecord, RECORD, Section};
+use crate::record::fault::FaultGrade;
+use crate::record::{FitRecord, RECORD, RecordSection};
 use mesophyll_files::quantity::{Quantity, RGB};
 use std::path::Path;
 
@@ -18,7 +18,7 @@ const STAND_INS: f64 = 0.05;
 /// Solves the leaf-wide problem again, from the maps, and compares σa, σs and their errors with those of `fit.toml`.
 pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
     // Where a fault of the measurement spoils σ, it is undetermined, and texels' errors hold more than noise.
-    if seen.record.faults.iter().any(|f| f.grade == Grade::Wrong) {
+    if seen.record.faults.iter().any(|f| f.grade == FaultGrade::Wrong) {
         return;
     }
     let straight = matches!(seen.setup, Setup::Tube { straight: true });
@@ -37,13 +37,13 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
     };
     let Some(texels) = texels(seen, relative) else { return };
     let start = [0, 1, 2].map(|c: usize| [told.0[c], told.1[c]]);
-    let common = undetermined::common(&texels, 0.0);
+    let common = indeterminacy::common(&texels, 0.0);
     let solve = |common| {
         let incidence = Incidence(1.0);
-        wide::fit(&texels, &[], start, &Settings { h, incidence, relative, robust, iterations: 8, common })
+        leaf_wide::fit(&texels, &[], start, &LeafWideSettings { h, incidence, relative, robust, iterations: 8, common })
     };
     // The noise of single texels averages out over all of them; what they have in common does not.
-    let (with, alone) = (solve(common), solve(wide::Common::default()));
+    let (with, alone) = (solve(common), solve(leaf_wide::LeafSharedErrors::default()));
     if !with.termination.converged() || !alone.termination.converged() {
         return;
     }
@@ -71,14 +71,15 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
 }
 
 /// The readings of the good texels, or of evenly spread ones.
-fn texels(seen: &Seen, relative: f64) -> Option<Vec<Texel>> {
+fn texels(seen: &Seen, relative: f64) -> Option<Vec<LeafWideTexel>> {
     let errors = seen.errors.as_ref()?;
-    let three = |maps: &mesophyll_files::image::Maps, q, k: usize| maps.three(q).map(|p| p.map(|c| f64::from(c[k])));
+    let three =
+        |maps: &mesophyll_files::image::ChannelMaps, q, k: usize| maps.three(q).map(|p| p.map(|c| f64::from(c[k])));
     sample(&seen.good, TEXELS)
         .map(|k| {
             let (rho_t, e) = (three(seen.maps, Quantity::RhoT, k)?, three(errors, Quantity::RhoT, k)?);
             let floor = |c: usize| (e[c].powi(2) - (relative * rho_t[c]).powi(2)).max(1e-18).sqrt();
-            Some(Texel {
+            Some(LeafWideTexel {
                 rho_d: three(seen.maps, Quantity::RhoD, k)?,
                 rho_d_err: three(errors, Quantity::RhoD, k)?,
                 rho_t,
@@ -102,7 +103,7 @@ struct Apart {
 }
 
 impl Apart {
-    fn of(section: Option<&Section>, quantity: Quantity, c: usize) -> Option<Apart> {
+    fn of(section: Option<&RecordSection>, quantity: Quantity, c: usize) -> Option<Apart> {
         let figure = |of: &str| section?.figures.get(&format!("{of}.{}", quantity.channel(c))).copied();
         let (log, errors) = (figure(APART)?, figure(APART_IN_ERRORS)?);
         Some(Apart { log, variance: (log / errors).powi(2) }).filter(|a| a.variance.is_finite() && errors > 0.0)
@@ -119,7 +120,7 @@ pub(super) fn sides(record: &FitRecord, place: &Path, out: &mut Vec<String>) {
     let photo = record.options.get("capture_kind").is_some_and(|k| k == "photo");
     for quantity in [Quantity::SigmaA, Quantity::SigmaS].into_iter().filter(|_| !edited) {
         for c in 0..3 {
-            let of = |s: &Section| {
+            let of = |s: &RecordSection| {
                 let p = s.params.get(quantity.name())?;
                 let value = *p.value.get(c)?;
                 let caliper = p.stderr_caliper.get(c).copied().unwrap_or(0.0);

@@ -1,14 +1,14 @@
 //! What the leaf's slab says at a thickness, and how the fit weighed a transmittance.
 
 use super::{Seen, Setup};
-use crate::leaf::curve::{Curve, Incidence};
+use crate::leaf::curve::{Incidence, ThicknessCurve};
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::slab;
 
 /// The slab of the leaf in one channel, at any thickness: by its curve, which answers 50 times faster than the slab
 /// itself, where the curve reaches.
 pub(super) struct Slab {
-    curve: Curve,
+    curve: ThicknessCurve,
     range: [f64; 2],
     sigma: [f64; 2],
 }
@@ -24,7 +24,7 @@ pub(super) struct At {
 
 impl Slab {
     pub(super) fn new(sigma_a: f64, sigma_s: f64, h: f64) -> Slab {
-        let curve = Curve::new(sigma_a, sigma_s, h, Incidence(1.0));
+        let curve = ThicknessCurve::new(sigma_a, sigma_s, h, Incidence(1.0));
         Slab { range: curve.range(), curve, sigma: [sigma_a, sigma_s] }
     }
 

@@ -45,7 +45,7 @@ impl Copy {
         record.write(folder).unwrap();
     }
 
-    fn faults(&self) -> Faults {
+    fn faults(&self) -> ConsistencyFaults {
         of(self.0.path()).unwrap()
     }
 }
@@ -103,7 +103,7 @@ fn a_map_changed_and_hashed_anew_is_named_with_its_channel() {
 
 #[test]
 fn a_number_changed_and_hashed_anew_is_named_with_its_field() {
-    fn param<'a>(record: &'a mut FitRecord, side: &str, name: &str) -> &'a mut Param {
+    fn param<'a>(record: &'a mut FitRecord, side: &str, name: &str) -> &'a mut FitParameter {
         record.sections.get_mut(side).unwrap().params.get_mut(name).unwrap()
     }
     type Change = fn(&mut FitRecord);
@@ -181,11 +181,11 @@ fn a_changed_file_is_refused_and_another_program_is_said() {
 /// What the window saves is a fit of its own that agrees with itself, and is held to that.
 #[test]
 fn an_edited_fit_agrees_with_itself() {
-    use crate::leaf_folder::edit::{Edit, save};
+    use crate::leaf_folder::edit::{LeafSideEdit, save};
     use mesophyll_optics::side::Sides;
     let edits = [
-        Edit { sigma_a: [1.5, 1.0, 0.7], ..Edit::default() },
-        Edit { sigma_s: [0.8; 3], thickness_mm: 0.05, rho_s: 2.0, m: 0.5, ..Edit::default() },
+        LeafSideEdit { sigma_a: [1.5, 1.0, 0.7], ..LeafSideEdit::default() },
+        LeafSideEdit { sigma_s: [0.8; 3], thickness_mm: 0.05, rho_s: 2.0, m: 0.5, ..LeafSideEdit::default() },
     ];
     for edit in edits {
         let dir = tempfile::tempdir().unwrap();

@@ -9,15 +9,15 @@ pub(crate) mod output;
 mod slab;
 
 use crate::leaf::curve::Incidence;
-use crate::leaf::slabmaps::{Inverter, Sigma};
+use crate::leaf::slabmaps::{SigmaEstimate, SlabInverter};
 use crate::record::FitKind;
-use crate::record::maker::{self, Maker, Outcome};
+use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::{Error, Result};
-use mesophyll_capture::dome::Capture;
-use mesophyll_capture::dome::reduce::{Options as Reduction, Reduced, reduce};
+use mesophyll_capture::dome::DomeCapture;
+use mesophyll_capture::dome::reduction::{DomeMaps, Options as Reduction, reduce};
 use mesophyll_optics::side::Side;
 use rayon::prelude::*;
-use slab::{Shared, Slab, Texel};
+use slab::{DomeSharedErrors, DomeSlabFit, DomeTexel};
 use std::path::Path;
 use std::time::Instant;
 
@@ -32,7 +32,7 @@ pub struct Options {
 }
 
 /// One fitted side. Its maps are in the image of the camera that saw this side.
-pub struct Fitted {
+pub struct DomeSideFit {
     /// Which side it is.
     pub side: Side,
     /// 1 good, 0 off the leaf, negative a defect.
@@ -40,9 +40,9 @@ pub struct Fitted {
     /// Thickness (mm) of every texel.
     pub thickness: Vec<f64>,
     /// The mean tissue of each channel.
-    pub slab: [Slab; 3],
+    pub slab: [DomeSlabFit; 3],
     /// σa and σs with their standard errors, a texel and channel; NaN where a texel is not good.
-    pub sigma: Vec<[Sigma; 3]>,
+    pub sigma: Vec<[SigmaEstimate; 3]>,
     /// γ and its standard error.
     pub gamma: Vec<[[f64; 2]; 3]>,
 }
@@ -51,14 +51,14 @@ pub struct Fitted {
 ///
 /// # Errors
 /// Unreadable or invalid captures (exit code 2), a folder that cannot be written or holds something else (2).
-pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
+pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<FitOutcome> {
     let (folder, options) = (capture.to_path_buf(), *options);
     maker::make(FitKind::Leaf, out, &[capture], move |maker| fit(&folder, &options, maker))
 }
 
-fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+fn fit(folder: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutcome> {
     let step = Instant::now();
-    let capture = Capture::open(folder)?;
+    let capture = DomeCapture::open(folder)?;
     let told = format!("{:?}", Options { force: false, ..*options });
     let input = maker::input_hash([("capture", capture.hash()?.as_str()), ("options", &told)]);
     if let Some(found) = maker.up_to_date(input, options.force)? {
@@ -76,11 +76,11 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     output::write(maker.begin()?, &capture, &reduced, &sides, options, &mut record)?;
     maker.times.phase("blade and maps", step);
     maker.finish(&record)?;
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }
 
 /// σ of the leaf, and σ and γ of every texel, for one side.
-fn interior(capture: &Capture, reduced: &Reduced, name: Side) -> Result<Fitted> {
+fn interior(capture: &DomeCapture, reduced: &DomeMaps, name: Side) -> Result<DomeSideFit> {
     let (side, width) = (reduced.side(name), reduced.width);
     let own = |map: &[f64]| match name {
         Side::Front => map.to_vec(),
@@ -96,8 +96,8 @@ fn interior(capture: &Capture, reduced: &Reduced, name: Side) -> Result<Fitted> 
         ));
     }
     let mean = good.iter().map(|&k| thickness[k]).sum::<f64>() / good.len() as f64;
-    let shared = Shared { rho_d: side.highlight.stderr, thickness: reduced.alignment.offset_err_mm / mean };
-    let texel = |k: usize, c: usize| Texel {
+    let shared = DomeSharedErrors { rho_d: side.highlight.stderr, thickness: reduced.alignment.offset_err_mm / mean };
+    let texel = |k: usize, c: usize| DomeTexel {
         thickness: thickness[k],
         rho_d: side.albedo[k][c],
         rho_t: side.transmittance[k][c],
@@ -106,8 +106,8 @@ fn interior(capture: &Capture, reduced: &Reduced, name: Side) -> Result<Fitted> 
     };
     let slab = [0, 1, 2]
         .map(|c| slab::fit(&good.iter().map(|&k| texel(k, c)).collect::<Vec<_>>(), shared, ["R", "G", "B"][c]));
-    let inverter = Inverter::new(Incidence(1.0));
-    let unknown = Sigma { value: [f64::NAN; 2], error: [f64::NAN; 2] };
+    let inverter = SlabInverter::new(Incidence(1.0));
+    let unknown = SigmaEstimate { value: [f64::NAN; 2], error: [f64::NAN; 2] };
     let (sigma, gamma) = (0..side.status.len())
         .into_par_iter()
         .map(|k| {
@@ -127,5 +127,5 @@ fn interior(capture: &Capture, reduced: &Reduced, name: Side) -> Result<Fitted> 
             ([r.0, g.0, b.0], [r.1, g.1, b.1])
         })
         .unzip();
-    Ok(Fitted { side: name, status: side.status.clone(), thickness, slab, sigma, gamma })
+    Ok(DomeSideFit { side: name, status: side.status.clone(), thickness, slab, sigma, gamma })
 }

@@ -1,20 +1,20 @@
 //! The folder of a leaf fit, from a capture under a dome: the same files, channels and sections as from a scan under a
 //! tube.
 
-use super::{Fitted, Options};
+use super::{DomeSideFit, Options};
 use crate::Result;
-use crate::leaf::blade::{Blade, Grid, glb, mesh};
+use crate::leaf::blade::{BladeMesh, TexelGrid, glb, mesh};
 use crate::leaf::faults::thickness;
-use crate::leaf::faults::through::{self, View};
-use crate::leaf_folder::{BLADE, File, fill, previews};
-use crate::record::fault::Fault;
-use crate::record::{FitRecord, Param, Section, TruthError};
-use mesophyll_capture::dome::Capture;
+use crate::leaf::faults::transmittance::{self, TransmittanceView};
+use crate::leaf_folder::{BLADE, LeafFitFile, filling, previews};
+use crate::record::fault::MeasurementFault;
+use crate::record::{FitParameter, FitRecord, RecordSection, TruthError};
+use mesophyll_capture::dome::DomeCapture;
 use mesophyll_capture::dome::highlight::fresnel_normal;
-use mesophyll_capture::dome::reduce::DEFECTS;
-use mesophyll_capture::dome::reduce::Reduced;
+use mesophyll_capture::dome::reduction::DEFECTS;
+use mesophyll_capture::dome::reduction::DomeMaps;
 use mesophyll_files::hash;
-use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Side;
 use std::collections::BTreeMap;
@@ -26,14 +26,14 @@ use std::path::Path;
 /// Files that cannot be written; a damaged `truth/`.
 pub fn write(
     out: &Path,
-    capture: &Capture,
-    reduced: &Reduced,
-    sides: &[Fitted; 2],
+    capture: &DomeCapture,
+    reduced: &DomeMaps,
+    sides: &[DomeSideFit; 2],
     options: &Options,
     record: &mut FitRecord,
 ) -> Result<()> {
     let m = &capture.manifest;
-    let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
+    let grid = TexelGrid { width: m.width, height: m.height, texel: m.texel_mm };
     record.defects = DEFECTS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("capture_kind", "dome".into());
@@ -58,14 +58,14 @@ pub fn write(
     let mut names = Vec::new();
     for fitted in sides {
         let (values, errors) = maps(&grid, reduced, fitted, options);
-        write_exr(&File::Maps.path(out, fitted.side), &values, Packing::Zip)?;
-        write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
+        write_exr(&LeafFitFile::Maps.path(out, fitted.side), &values, Packing::Zip)?;
+        write_exr(&LeafFitFile::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
         previews::write(out, fitted.side, &values)?;
         let mut section = section(reduced, fitted);
-        through::apply(&record.faults, fitted.side.name(), &mut section);
+        transmittance::apply(&record.faults, fitted.side.name(), &mut section);
         section.truth = truth(capture, fitted, &values, &errors)?;
         record.sections.insert(fitted.side.name().into(), section);
-        names.extend([File::Maps, File::Errors].map(|f| f.path(Path::new(""), fitted.side)));
+        names.extend([LeafFitFile::Maps, LeafFitFile::Errors].map(|f| f.path(Path::new(""), fitted.side)));
     }
     if let Some(blade) = &blade {
         glb::write(&out.join(BLADE), &m.name, blade)?;
@@ -75,7 +75,7 @@ pub fn write(
             ("blade_slope_residual", blade.slope_residual),
         ];
         let figures = figures.map(|(n, v)| (n.to_string(), v)).into_iter().collect();
-        record.sections.insert("blade".into(), Section { figures, ..Section::default() });
+        record.sections.insert("blade".into(), RecordSection { figures, ..RecordSection::default() });
         names.push(BLADE.into());
     }
     for name in names {
@@ -86,21 +86,27 @@ pub fn write(
 }
 
 /// Faults that the photographs and the scans show of themselves.
-fn faults(reduced: &Reduced, sides: &[Fitted; 2], width: usize) -> Vec<Fault> {
+fn faults(reduced: &DomeMaps, sides: &[DomeSideFit; 2], width: usize) -> Vec<MeasurementFault> {
     let single = |side: Side| -> Vec<[f32; 3]> {
         reduced.side(side).transmittance.iter().map(|t| t.map(|v| v as f32)).collect()
     };
-    let on = |fitted: &Fitted| -> Vec<bool> { fitted.status.iter().map(|s| *s != 0).collect() };
+    let on = |fitted: &DomeSideFit| -> Vec<bool> { fitted.status.iter().map(|s| *s != 0).collect() };
     let (front, back) = ((on(&sides[0]), single(Side::Front)), (on(&sides[1]), single(Side::Back)));
-    let mut out: Vec<Fault> =
-        through::turned(&View::from(&front), &View::from(&back), width, "back/translucency.exr").into_iter().collect();
-    out.extend(sides.iter().filter_map(|s| through::energy(s.side.name(), &s.status)));
+    let mut out: Vec<MeasurementFault> = transmittance::turned(
+        &TransmittanceView::from(&front),
+        &TransmittanceView::from(&back),
+        width,
+        "back/translucency.exr",
+    )
+    .into_iter()
+    .collect();
+    out.extend(sides.iter().filter_map(|s| transmittance::energy(s.side.name(), &s.status)));
     out.extend(thickness("the mean thickness by both height scans", mean(&sides[0]), &["front", "back"]));
     out
 }
 
 /// Mean thickness of the good texels (mm).
-fn mean(fitted: &Fitted) -> f64 {
+fn mean(fitted: &DomeSideFit) -> f64 {
     let (sum, count) = fitted
         .status
         .iter()
@@ -111,7 +117,7 @@ fn mean(fitted: &Fitted) -> f64 {
 }
 
 /// The blade's mesh halfway between both sides, from the normals of the front.
-fn blade(grid: &Grid, reduced: &Reduced) -> Option<Blade> {
+fn blade(grid: &TexelGrid, reduced: &DomeMaps) -> Option<BladeMesh> {
     let side = &reduced.front;
     let slopes: Vec<Option<[f64; 2]>> = side
         .normal
@@ -124,14 +130,14 @@ fn blade(grid: &Grid, reduced: &Reduced) -> Option<Blade> {
     mesh::build(grid, &reduced.mask, Some(&through), &slopes)
 }
 
-fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (Maps, Maps) {
+fn maps(grid: &TexelGrid, reduced: &DomeMaps, fitted: &DomeSideFit, options: &Options) -> (ChannelMaps, ChannelMaps) {
     let (width, height) = (grid.width, grid.height);
     let side = reduced.side(fitted.side);
     let which = usize::from(fitted.side == Side::Back);
     let slope_err = reduced.alignment.slope_error[which];
     let good: Vec<bool> = fitted.status.iter().map(|s| *s == 1).collect();
-    let source = fill::sources(&good, width, height);
-    let (mut values, mut errors) = (Maps::new(width, height), Maps::new(width, height));
+    let source = filling::sources(&good, width, height);
+    let (mut values, mut errors) = (ChannelMaps::new(width, height), ChannelMaps::new(width, height));
     let mut add = |quantity: Quantity, c: usize, value: &dyn Fn(usize) -> f64, error: &dyn Fn(usize) -> f64| {
         let from = |k: usize| source.as_ref().map_or(k, |s| s[k] as usize);
         values.add(quantity, c, (0..good.len()).map(|k| value(from(k)) as f32).collect());
@@ -168,15 +174,15 @@ fn maps(grid: &Grid, reduced: &Reduced, fitted: &Fitted, options: &Options) -> (
     (values, errors)
 }
 
-fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
-    let mut s = Section::default();
+fn section(reduced: &DomeMaps, fitted: &DomeSideFit) -> RecordSection {
+    let mut s = RecordSection::default();
     s.counts.insert("texels".into(), fitted.status.len());
     s.counts.insert("outside".into(), fitted.status.iter().filter(|v| **v == 0).count());
     s.counts.insert("good".into(), fitted.status.iter().filter(|v| **v == 1).count());
     for (name, count) in reduced.defects(fitted.side) {
         s.counts.insert(name.into(), count);
     }
-    let parameter = |of: &dyn Fn(usize) -> [f64; 2], name: &str| Param {
+    let parameter = |of: &dyn Fn(usize) -> [f64; 2], name: &str| FitParameter {
         value: (0..3).map(|c| of(c)[0]).collect(),
         stderr: (0..3).map(|c| of(c)[1]).collect(),
         unit: "1/mm".into(),
@@ -187,15 +193,15 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
             .filter(|u| u.starts_with(name))
             .cloned()
             .collect(),
-        ..Param::default()
+        ..FitParameter::default()
     };
     s.params.insert("sigma_a".into(), parameter(&|c| fitted.slab[c].sigma_a, "sigma_a"));
     s.params.insert("sigma_s".into(), parameter(&|c| fitted.slab[c].sigma_s, "sigma_s"));
-    let thickness = Param {
+    let thickness = FitParameter {
         value: vec![mean(fitted)],
         stderr: vec![reduced.alignment.offset_err_mm],
         unit: "mm".into(),
-        ..Param::default()
+        ..FitParameter::default()
     };
     s.params.insert("thickness".into(), thickness);
     let side = reduced.side(fitted.side);
@@ -217,13 +223,23 @@ fn section(reduced: &Reduced, fitted: &Fitted) -> Section {
 }
 
 /// Errors to the truth of a synthetic capture, by quantity, over the good texels.
-fn truth(capture: &Capture, fitted: &Fitted, values: &Maps, errors: &Maps) -> Result<BTreeMap<String, TruthError>> {
+fn truth(
+    capture: &DomeCapture,
+    fitted: &DomeSideFit,
+    values: &ChannelMaps,
+    errors: &ChannelMaps,
+) -> Result<BTreeMap<String, TruthError>> {
     let truth = capture.truth(fitted.side)?;
     Ok(truth.map(|truth| judged(&truth, &fitted.status, values, errors)).unwrap_or_default())
 }
 
 /// The same from the true maps and the status of every texel.
-pub fn judged(truth: &Maps, status: &[i16], values: &Maps, errors: &Maps) -> BTreeMap<String, TruthError> {
+pub fn judged(
+    truth: &ChannelMaps,
+    status: &[i16],
+    values: &ChannelMaps,
+    errors: &ChannelMaps,
+) -> BTreeMap<String, TruthError> {
     let mut out = BTreeMap::new();
     // The camera saw light that had scattered sideways through neighbouring texels. The fit is compared with what was
     // measured, not with the slab of each texel alone.

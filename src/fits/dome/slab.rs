@@ -6,14 +6,14 @@
 //! standard errors add three parts: the noise of the two means, the error of the highlight that was subtracted from all
 //! texels, and the error of the caliper (σ is inversely proportional to the thickness).
 
-use mesophyll_base::solve::Termination;
-use mesophyll_base::solve::damped::{self, Control, Damped, newton_step};
+use mesophyll_base::solvers::Termination;
+use mesophyll_base::solvers::damping::{self, DampedProblem, DampingControl, newton_step};
 use mesophyll_optics::slab::inverse;
 use mesophyll_optics::slab::response_with_partials;
 
 /// What one texel shows in one channel.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Texel {
+pub struct DomeTexel {
     pub thickness: f64,
     pub rho_d: f64,
     pub rho_t: f64,
@@ -23,7 +23,7 @@ pub struct Texel {
 
 /// Errors that all texels of a side share.
 #[derive(Debug, Clone, Copy)]
-pub struct Shared {
+pub struct DomeSharedErrors {
     /// Standard error of ρd, absolute.
     pub rho_d: f64,
     /// Standard error of the thickness, relative to it.
@@ -32,7 +32,7 @@ pub struct Shared {
 
 /// The slab of a channel (1/mm), with standard errors. `undetermined` says why the numbers cannot be relied on, if so.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Slab {
+pub struct DomeSlabFit {
     pub sigma_a: [f64; 2],
     pub sigma_s: [f64; 2],
     pub undetermined: Vec<String>,
@@ -41,12 +41,12 @@ pub struct Slab {
 const GROUPS: usize = 48;
 
 /// Fits one channel. `letter` names the channel in the message of `undetermined`.
-pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
+pub fn fit(texels: &[DomeTexel], shared: DomeSharedErrors, letter: &str) -> DomeSlabFit {
     let groups = groups(texels);
     let n = texels.len().max(1) as f64;
-    let mean = |f: &dyn Fn(&Texel) -> f64| texels.iter().map(f).sum::<f64>() / n;
+    let mean = |f: &dyn Fn(&DomeTexel) -> f64| texels.iter().map(f).sum::<f64>() / n;
     let (rho_d, rho_t, h) = (mean(&|t| t.rho_d), mean(&|t| t.rho_t), mean(&|t| t.thickness));
-    let own = |f: &dyn Fn(&Texel) -> f64| (mean(&|t| f(t).powi(2)) / n).sqrt();
+    let own = |f: &dyn Fn(&DomeTexel) -> f64| (mean(&|t| f(t).powi(2)) / n).sqrt();
     let start = inverse::invert(rho_d, rho_t, h, own(&|t| t.rho_d_err).hypot(shared.rho_d), own(&|t| t.rho_t_err));
     let mut undetermined = Vec::new();
     let x = [start.sigma_a, start.sigma_s];
@@ -55,10 +55,10 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
             undetermined
                 .push(format!("{name}.{letter}: no slab has this albedo ({rho_d:.4}) and transmittance ({rho_t:.4})"));
         }
-        return Slab { sigma_a: [x[0], f64::INFINITY], sigma_s: [x[1], f64::INFINITY], undetermined };
+        return DomeSlabFit { sigma_a: [x[0], f64::INFINITY], sigma_s: [x[1], f64::INFINITY], undetermined };
     }
     let start_at = At::new(&groups, x);
-    let (At { x, .. }, end) = damped::minimize(&mut Leaf(&groups), start_at, &Control::HALVED);
+    let (At { x, .. }, end) = damping::minimize(&mut Leaf(&groups), start_at, &DampingControl::HALVED);
     let settled = end.converged();
     let error = |value: f64, of_mean: f64, at: f64| value * (of_mean / at).hypot(shared.thickness);
     let (a, s) = (error(x[0], start.sigma_a_err, start.sigma_a), error(x[1], start.sigma_s_err, start.sigma_s));
@@ -71,7 +71,7 @@ pub fn fit(texels: &[Texel], shared: Shared, letter: &str) -> Slab {
             undetermined.push(format!("{name}.{letter}: relative standard error {:.2}", err / value));
         }
     }
-    Slab { sigma_a: [x[0], a], sigma_s: [x[1], s], undetermined }
+    DomeSlabFit { sigma_a: [x[0], a], sigma_s: [x[1], s], undetermined }
 }
 
 /// Groups of texels of similar thickness: their share of the leaf, thickness, ρd and ρt.
@@ -102,7 +102,7 @@ impl At {
 }
 
 /// Newton's method in ln σa and ln σs.
-impl Damped for Leaf<'_> {
+impl DampedProblem for Leaf<'_> {
     type Point = At;
     type Step = [f64; 2];
 
@@ -135,14 +135,14 @@ fn moved(x: [f64; 2], step: &[f64; 2], share: f64) -> [f64; 2] {
 }
 
 /// The groups of texels of similar thickness.
-fn groups(texels: &[Texel]) -> Vec<(f64, f64, f64, f64)> {
-    let mut sorted: Vec<&Texel> = texels.iter().collect();
+fn groups(texels: &[DomeTexel]) -> Vec<(f64, f64, f64, f64)> {
+    let mut sorted: Vec<&DomeTexel> = texels.iter().collect();
     sorted.sort_unstable_by(|a, b| a.thickness.total_cmp(&b.thickness));
     sorted
         .chunks(texels.len().div_ceil(GROUPS).max(1))
         .map(|g| {
             let n = g.len() as f64;
-            let mean = |f: &dyn Fn(&Texel) -> f64| g.iter().map(|t| f(t)).sum::<f64>() / n;
+            let mean = |f: &dyn Fn(&DomeTexel) -> f64| g.iter().map(|t| f(t)).sum::<f64>() / n;
             (n / texels.len() as f64, mean(&|t| t.thickness), mean(&|t| t.rho_d), mean(&|t| t.rho_t))
         })
         .collect()
@@ -151,20 +151,20 @@ fn groups(texels: &[Texel]) -> Vec<(f64, f64, f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_optics::slab::exact::response;
+    use mesophyll_optics::slab::medium::response;
 
     #[test]
     fn the_slab_comes_back_from_a_leaf_of_many_thicknesses() {
-        let texels: Vec<Texel> = (0..2000)
+        let texels: Vec<DomeTexel> = (0..2000)
             .map(|k| {
                 let h = 0.12 + 0.3 * (f64::from(k) / 2000.0).powi(3);
                 let r = response(4.0, 12.0, h);
                 // The albedo factors have the mean 1, so they do not change the slab.
                 let gamma = 1.0 + 0.2 * (0.7 * f64::from(k)).sin();
-                Texel { thickness: h, rho_d: gamma * r.rho_d, rho_t: r.rho_t, rho_d_err: 1e-3, rho_t_err: 1e-3 }
+                DomeTexel { thickness: h, rho_d: gamma * r.rho_d, rho_t: r.rho_t, rho_d_err: 1e-3, rho_t_err: 1e-3 }
             })
             .collect();
-        let slab = fit(&texels, Shared { rho_d: 0.0, thickness: 0.0 }, "G");
+        let slab = fit(&texels, DomeSharedErrors { rho_d: 0.0, thickness: 0.0 }, "G");
         assert!(slab.undetermined.is_empty(), "{slab:?}");
         assert!((slab.sigma_a[0] / 4.0 - 1.0).abs() < 3e-3 && (slab.sigma_s[0] / 12.0 - 1.0).abs() < 3e-3, "{slab:?}");
         // The mean of γ is 1 by construction.
@@ -173,13 +173,13 @@ mod tests {
                 / 2000.0;
         assert!((gamma - 1.0).abs() < 1e-3, "{gamma}");
         // A caliper error of 3 % shows in both standard errors.
-        let slab = fit(&texels, Shared { rho_d: 0.0, thickness: 0.03 }, "G");
+        let slab = fit(&texels, DomeSharedErrors { rho_d: 0.0, thickness: 0.03 }, "G");
         assert!(slab.sigma_a[1] / slab.sigma_a[0] >= 0.03 && slab.sigma_s[1] / slab.sigma_s[0] >= 0.03);
     }
 
     #[test]
     fn what_no_slab_does_is_said() {
-        let texels = [Texel { thickness: 0.2, rho_d: 0.7, rho_t: 0.6, rho_d_err: 1e-3, rho_t_err: 1e-3 }; 9];
-        assert!(!fit(&texels, Shared { rho_d: 0.0, thickness: 0.0 }, "R").undetermined.is_empty());
+        let texels = [DomeTexel { thickness: 0.2, rho_d: 0.7, rho_t: 0.6, rho_d_err: 1e-3, rho_t_err: 1e-3 }; 9];
+        assert!(!fit(&texels, DomeSharedErrors { rho_d: 0.0, thickness: 0.0 }, "R").undetermined.is_empty());
     }
 }

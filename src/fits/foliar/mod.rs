@@ -5,22 +5,22 @@
 //! so the solver starts at several places.
 
 mod adequacy;
-mod shared;
 pub mod surface;
+mod surfaces;
 
 pub use mesophyll_capture::pigments;
 
 use adequacy::Stated;
-use mesophyll_base::solve::{Closure, Noise, Options as Solver, Problem, global};
-use mesophyll_files::table::{Answer, Status};
-use mesophyll_optics::foliar::pigments::{Constants, SUBSTANCES, Spectrum};
+use mesophyll_base::solvers::{ClosureProblem, Options as Solver, Problem, ResidualNoise, multi_start};
+use mesophyll_files::table::{OutputRow, Status};
+use mesophyll_optics::foliar::pigments::{OpticalConstants, OpticalSpectrum, SUBSTANCES};
 use mesophyll_optics::side::Side;
-use shared::Shared;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
-use surface::{MOST_OBLATE, Setting, Surface};
+use surface::{FoliarFitSetting, MOST_OBLATE, ResponseSurface};
+use surfaces::ResponseSurfaceTable;
 
 /// What can be fitted.
 #[derive(
@@ -36,7 +36,7 @@ use surface::{MOST_OBLATE, Setting, Surface};
     strum::Display,
 )]
 #[strum(serialize_all = "kebab-case")]
-pub enum Parameter {
+pub enum FoliarParameter {
     /// chlorophyll a and b per leaf area
     Chlorophyll,
     /// carotenoids per leaf area
@@ -53,17 +53,17 @@ pub enum Parameter {
     Thickness,
 }
 
-impl Parameter {
+impl FoliarParameter {
     /// The name of the parameter's column in tables.
     pub fn column(self) -> &'static str {
         match self {
-            Parameter::Chlorophyll => "chlorophyll_ug_cm2",
-            Parameter::Carotenoid => "carotenoid_ug_cm2",
-            Parameter::Protein => "protein_ug_cm2",
-            Parameter::CelluloseLignin => "cellulose_lignin_ug_cm2",
-            Parameter::Water => "water_g_cm2",
-            Parameter::Oblateness => "oblateness_epidermis",
-            Parameter::Thickness => "mesophyll_thickness_mm",
+            FoliarParameter::Chlorophyll => "chlorophyll_ug_cm2",
+            FoliarParameter::Carotenoid => "carotenoid_ug_cm2",
+            FoliarParameter::Protein => "protein_ug_cm2",
+            FoliarParameter::CelluloseLignin => "cellulose_lignin_ug_cm2",
+            FoliarParameter::Water => "water_g_cm2",
+            FoliarParameter::Oblateness => "oblateness_epidermis",
+            FoliarParameter::Thickness => "mesophyll_thickness_mm",
         }
     }
 
@@ -77,20 +77,20 @@ impl Parameter {
     /// for the oblateness x.
     fn range(self) -> (f64, [f64; 2]) {
         match self {
-            Parameter::Chlorophyll => (400.0, [3.0, 80.0]),
-            Parameter::Carotenoid => (150.0, [0.5, 20.0]),
-            Parameter::Protein => (20_000.0, [100.0, 2000.0]),
-            Parameter::CelluloseLignin => (50_000.0, [200.0, 5000.0]),
-            Parameter::Water => (0.5, [0.002, 0.03]),
-            Parameter::Oblateness => (surface::widest(), [0.2, 3.2]),
-            Parameter::Thickness => (1.0, [0.05, 0.2]),
+            FoliarParameter::Chlorophyll => (400.0, [3.0, 80.0]),
+            FoliarParameter::Carotenoid => (150.0, [0.5, 20.0]),
+            FoliarParameter::Protein => (20_000.0, [100.0, 2000.0]),
+            FoliarParameter::CelluloseLignin => (50_000.0, [200.0, 5000.0]),
+            FoliarParameter::Water => (0.5, [0.002, 0.03]),
+            FoliarParameter::Oblateness => (surface::widest(), [0.2, 3.2]),
+            FoliarParameter::Thickness => (1.0, [0.05, 0.2]),
         }
     }
 }
 
 /// One reading of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reading {
+pub struct FoliarReading {
     /// Which of the model's [`Model::lights`].
     pub light: usize,
     /// Whether the reading is a transmittance; otherwise it is a reflectance.
@@ -102,15 +102,15 @@ pub struct Reading {
 }
 
 /// How leaves are fitted: everything that they share.
-pub struct Model {
+pub struct FoliarFitModel {
     /// Wavelengths (nm) and lit sides of the readings, with the optical constants there.
-    pub lights: Vec<(f64, Side, Constants)>,
+    pub lights: Vec<(f64, Side, OpticalConstants)>,
     /// Index of each light's surface. Lights of one side with the same refractive indices share a surface.
     places: Vec<usize>,
-    surfaces: Arc<[OnceLock<Surface>]>,
-    setting: Setting,
-    free: Vec<Parameter>,
-    asked: Vec<Parameter>,
+    surfaces: Arc<[OnceLock<ResponseSurface>]>,
+    setting: FoliarFitSetting,
+    free: Vec<FoliarParameter>,
+    asked: Vec<FoliarParameter>,
     noise: Option<f64>,
 }
 
@@ -122,23 +122,23 @@ const FEW: usize = 48;
 const PROMISE: f64 = 0.1;
 
 /// The asked parameters that can be fitted at all.
-fn free(asked: &[Parameter]) -> Vec<Parameter> {
-    asked.iter().copied().filter(|p| *p != Parameter::Thickness).collect()
+fn free(asked: &[FoliarParameter]) -> Vec<FoliarParameter> {
+    asked.iter().copied().filter(|p| *p != FoliarParameter::Thickness).collect()
 }
 
-impl Model {
+impl FoliarFitModel {
     /// `lights`: wavelengths (nm) within the spectrum, and sides. `asked`: what is fitted. `noise`: standard error of
     /// readings that have none of their own, 0 where they are exact.
     ///
     /// # Errors
     /// The sentence that says which wavelength is outside the table.
     pub fn new(
-        spectrum: &Spectrum,
+        spectrum: &OpticalSpectrum,
         lights: &[(f64, Side)],
-        setting: Setting,
-        asked: &[Parameter],
+        setting: FoliarFitSetting,
+        asked: &[FoliarParameter],
         noise: Option<f64>,
-    ) -> Result<Model, String> {
+    ) -> Result<FoliarFitModel, String> {
         let constants = |&(wavelength, side): &(f64, Side)| {
             let [low, high] = spectrum.range();
             let found = spectrum.at(wavelength);
@@ -148,18 +148,18 @@ impl Model {
         };
         let lights = lights.iter().map(constants).collect::<Result<Vec<_>, String>>()?;
         let mut kinds: HashMap<(bool, [u64; 3]), usize> = HashMap::new();
-        let mut place = |(_, side, constants): &(f64, Side, Constants)| {
+        let mut place = |(_, side, constants): &(f64, Side, OpticalConstants)| {
             let next = kinds.len();
             *kinds.entry((*side == Side::Back, constants.indices.map(f64::to_bits))).or_insert(next)
         };
         let places: Vec<usize> = lights.iter().map(&mut place).collect();
         let surfaces = kinds.iter().map(|_| OnceLock::new()).collect();
-        Ok(Model { lights, places, surfaces, setting, free: free(asked), asked: asked.to_vec(), noise })
+        Ok(FoliarFitModel { lights, places, surfaces, setting, free: free(asked), asked: asked.to_vec(), noise })
     }
 
     /// The same lights, asked for other parameters or with another noise. Everything computed for the lights is shared.
-    pub fn asking(&self, asked: &[Parameter], noise: Option<f64>) -> Model {
-        Model {
+    pub fn asking(&self, asked: &[FoliarParameter], noise: Option<f64>) -> FoliarFitModel {
+        FoliarFitModel {
             lights: self.lights.clone(),
             places: self.places.clone(),
             surfaces: self.surfaces.clone(),
@@ -186,7 +186,7 @@ impl Model {
             }
         }
         triples.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let Some(shared) = Shared::new(&triples, &self.setting, side) else { return };
+        let Some(shared) = ResponseSurfaceTable::new(&triples, &self.setting, side) else { return };
         for (place, light) in self.places.iter().zip(&self.lights).filter(|(_, l)| l.1 == side) {
             if let Some(of_light) = shared.at(light.2.indices).filter(|_| self.surfaces[*place].get().is_none()) {
                 self.surfaces[*place].get_or_init(|| of_light);
@@ -194,16 +194,21 @@ impl Model {
         }
     }
 
-    fn surface(&self, light: usize) -> &Surface {
+    fn surface(&self, light: usize) -> &ResponseSurface {
         self.surfaces[self.places[light]].get_or_init(|| {
             let (_, side, constants) = &self.lights[light];
-            Surface::new(constants.indices, &self.setting, *side)
+            ResponseSurface::new(constants.indices, &self.setting, *side)
         })
     }
 
     /// R and T of all lights that `readings` name, one after the other, for values of the free parameters. Each comes
     /// with its derivatives by absorption and by the lobe of the epidermis.
-    fn values(&self, readings: &[Reading], known: &Known, params: &[f64]) -> Vec<[surface::Value; 2]> {
+    fn values(
+        &self,
+        readings: &[FoliarReading],
+        known: &FoliarFitConstants,
+        params: &[f64],
+    ) -> Vec<[surface::FoliarSensitivity; 2]> {
         let mut contents = known.contents;
         let mut lobe = known.oblateness.ln_1p();
         for (&p, &x) in self.free.iter().zip(params) {
@@ -212,7 +217,7 @@ impl Model {
                 None => lobe = x,
             }
         }
-        let mut values: Vec<[surface::Value; 2]> = Vec::new();
+        let mut values: Vec<[surface::FoliarSensitivity; 2]> = Vec::new();
         let mut last = None;
         for reading in readings {
             if last != Some(reading.light) {
@@ -227,7 +232,12 @@ impl Model {
 
     /// The residuals (measured − computed)/error and their derivatives. The solver asks for both at the same
     /// parameters; they are computed once.
-    fn problem<'a>(&'a self, readings: &'a [Reading], sigma: &'a [f64], known: &'a Known) -> impl Problem + 'a {
+    fn problem<'a>(
+        &'a self,
+        readings: &'a [FoliarReading],
+        sigma: &'a [f64],
+        known: &'a FoliarFitConstants,
+    ) -> impl Problem + 'a {
         let (n, m) = (self.free.len(), readings.len());
         // For each reading, which of the computed values belongs to it.
         let mut place = Vec::with_capacity(m);
@@ -236,7 +246,7 @@ impl Model {
             place.push(before + usize::from(k > 0 && readings[k - 1].light != r.light));
         }
         let place = Rc::new(place);
-        let last: Rc<RefCell<(Vec<f64>, Vec<[surface::Value; 2]>)>> = Rc::default();
+        let last: Rc<RefCell<(Vec<f64>, Vec<[surface::FoliarSensitivity; 2]>)>> = Rc::default();
         let (places, recent) = (place.clone(), last.clone());
         let update = move |params: &[f64]| {
             let mut recent = recent.borrow_mut();
@@ -246,7 +256,7 @@ impl Model {
         };
         let again = update.clone();
         let seen = last.clone();
-        Closure::new(n, m, move |params: &[f64], out: &mut [f64]| {
+        ClosureProblem::new(n, m, move |params: &[f64], out: &mut [f64]| {
             update(params);
             let recent = last.borrow();
             for (k, r) in readings.iter().enumerate() {
@@ -268,25 +278,26 @@ impl Model {
     }
 
     /// R or T of every reading for the values of a fit's answer. The values are in the order of the asked parameters.
-    pub fn computed(&self, readings: &[Reading], known: &Known, values: &[f64]) -> Vec<f64> {
-        let of = |p: &Parameter| {
+    pub fn computed(&self, readings: &[FoliarReading], known: &FoliarFitConstants, values: &[f64]) -> Vec<f64> {
+        let of = |p: &FoliarParameter| {
             let x = self.asked.iter().position(|a| a == p).and_then(|k| values.get(k)).copied().unwrap_or(0.0);
-            if *p == Parameter::Oblateness { x.ln_1p() } else { x }
+            if *p == FoliarParameter::Oblateness { x.ln_1p() } else { x }
         };
         let params: Vec<f64> = self.free.iter().map(of).collect();
-        let each = |r: &Reading| self.values(std::slice::from_ref(r), known, &params)[0][usize::from(r.through)].value;
+        let each =
+            |r: &FoliarReading| self.values(std::slice::from_ref(r), known, &params)[0][usize::from(r.through)].value;
         readings.iter().map(each).collect()
     }
 
     /// Fits one leaf and says what was found as the row of a batch. `known` holds what is not fitted.
-    pub fn fit(&self, readings: &[Reading], known: &Known) -> Answer {
+    pub fn fit(&self, readings: &[FoliarReading], known: &FoliarFitConstants) -> OutputRow {
         if readings.is_empty() {
-            return Answer::refused("no reading");
+            return OutputRow::refused("no reading");
         }
         if let Some(r) = readings.iter().find(|r| !(-0.1..=1.1).contains(&r.value)) {
             let name = if r.through { "transmittance" } else { "reflectance" };
             let at = self.lights[r.light].0;
-            return Answer::refused(format!("the {name} at {at} nm is {}; expected 0 to 1", r.value));
+            return OutputRow::refused(format!("the {name} at {at} nm is {}; expected 0 to 1", r.value));
         }
         let stated = self.noise.is_some() || readings.iter().all(|r| r.err > 0.0);
         // Exact readings all have the same weight.
@@ -301,31 +312,31 @@ impl Model {
         let options = Solver {
             lower: vec![0.0; n],
             upper: ranges.iter().map(|r| r.0).collect(),
-            noise: if known_noise { Noise::Known } else { Noise::Estimated },
+            noise: if known_noise { ResidualNoise::Known } else { ResidualNoise::Estimated },
             gradient_tolerance: 1e-10,
             max_iterations: 200,
             rank_tolerance: Some(1e-9),
             ..Solver::default()
         };
         let [low, high] = [0, 1].map(|k| ranges.iter().map(|r| r.1[k]).collect::<Vec<_>>());
-        let mut starts = global::starts_in_box(&low, &high, STARTS, 1).unwrap_or_default();
+        let mut starts = multi_start::starts_in_box(&low, &high, STARTS, 1).unwrap_or_default();
         // Where there are many readings, a few of them tell the minima apart, and all of them refine each minimum. An
         // odd step takes R and T in turn.
         let stride = (m / FEW) | 1;
         if stride > 1 {
             let some: Vec<usize> = (0..m).step_by(stride).collect();
-            let few: Vec<Reading> = some.iter().map(|&k| readings[k]).collect();
+            let few: Vec<FoliarReading> = some.iter().map(|&k| readings[k]).collect();
             let few_sigma: Vec<f64> = some.iter().map(|&k| sigma[k]).collect();
-            let found = global::multi_start(&self.problem(&few, &few_sigma, known), &starts, &options);
+            let found = multi_start::multi_start(&self.problem(&few, &few_sigma, known), &starts, &options);
             let minima = found.map(|f| f.minima.into_iter().map(|m| m.params).collect::<Vec<_>>()).unwrap_or_default();
             if !minima.is_empty() {
                 starts = minima;
             }
         }
         let problem = self.problem(readings, &sigma, known);
-        let found = global::multi_start(&problem, &starts, &options);
+        let found = multi_start::multi_start(&problem, &starts, &options);
         let Some(found) = found.filter(|f| f.best.params.iter().all(|p| p.is_finite())) else {
-            return Answer::refused("the fit did not converge");
+            return OutputRow::refused("the fit did not converge");
         };
         let fit = &found.best;
         let squares: f64 = fit.residuals.iter().zip(&sigma).map(|(r, s)| (r * s).powi(2)).sum();
@@ -348,7 +359,7 @@ impl Model {
             };
             let (x, s) = (fit.params[k], fit.uncertainty.stderr[k]);
             let (value, error) = match p {
-                Parameter::Oblateness => (x.exp_m1().min(MOST_OBLATE), s * x.exp()),
+                FoliarParameter::Oblateness => (x.exp_m1().min(MOST_OBLATE), s * x.exp()),
                 _ => (x, s),
             };
             let error = if exact && s.is_finite() { 0.0 } else { error * judged.widening[k] };
@@ -374,13 +385,13 @@ impl Model {
             None if open.is_empty() => Status::Ok,
             None => Status::Undetermined(open.join("; ")),
         };
-        Answer { values, status }
+        OutputRow { values, status }
     }
 }
 
 /// What is not fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Known {
+pub struct FoliarFitConstants {
     /// Contents per area, in the order of [`SUBSTANCES`] (µg/cm², water in g/cm²).
     pub contents: [f64; 5],
     /// Oblateness of the epidermis.

@@ -4,8 +4,8 @@
 //! Thousands of leaves share the refractive indices of a wavelength. So the exact method runs once for each node
 //! instead of at every step of every leaf's fit.
 
-use mesophyll_optics::foliar::exact::{Prepared, Resolution};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path};
+use mesophyll_optics::foliar::exact::{LeafOperator, Resolution};
+use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
 use std::f64::consts::PI;
 
@@ -24,20 +24,20 @@ const RESOLUTION: Resolution = Resolution { order: 10, piece: 9, azimuth: 12 };
 
 /// What the fit takes as known of the leaf and the instrument.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setting {
+pub struct FoliarFitSetting {
     /// Oblateness of the palisade's lobes.
     pub palisade: f64,
     /// Oblateness of the spongy tissue's lobes.
     pub spongy: f64,
     /// How long a crossing of the mesophyll is.
-    pub path: Path,
+    pub path: MesophyllPath,
     /// Angle of the light from the normal (radians).
     pub incidence: f64,
 }
 
 /// A quantity and its derivatives by absorption and by ln(1 + oblateness).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Value {
+pub struct FoliarSensitivity {
     /// The quantity.
     pub value: f64,
     /// Its derivative by absorption times thickness.
@@ -48,7 +48,7 @@ pub struct Value {
 
 /// R and T at one wavelength, from one side.
 #[derive(Debug, Clone)]
-pub struct Surface {
+pub struct ResponseSurface {
     /// For R and T, the coefficients of T_i in the lobe's variable times T_j in the absorption's variable.
     coefficients: [Vec<f64>; 2],
 }
@@ -74,18 +74,18 @@ fn chebyshev<const N: usize>(t: f64) -> ([f64; N], [f64; N]) {
     (value, slope)
 }
 
-impl Surface {
+impl ResponseSurface {
     /// The surface of a leaf whose refractive indices (cuticle, mesophyll, antidermal wall) are `indices`.
-    pub fn new(indices: [f64; 3], setting: &Setting, side: Side) -> Surface {
+    pub fn new(indices: [f64; 3], setting: &FoliarFitSetting, side: Side) -> ResponseSurface {
         let [n_cuticle, n_mesophyll, n_antidermal] = indices;
         let top = BLACK / (BLACK + BEND);
         let mut nodes = [vec![0.0; LOBES * DEPTHS], vec![0.0; LOBES * DEPTHS]];
         for i in 0..LOBES {
             let epidermis = (0.5 * widest() * (1.0 + chebyshev_node(i, LOBES))).exp_m1();
-            let Setting { palisade, spongy, path, .. } = *setting;
+            let FoliarFitSetting { palisade, spongy, path, .. } = *setting;
             let oblateness = Oblateness { epidermis, palisade, spongy, ..Oblateness::USUAL };
-            let leaf = Leaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path };
-            let prepared = Prepared::new(&leaf, RESOLUTION);
+            let leaf = LayeredLeaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path };
+            let prepared = LeafOperator::new(&leaf, RESOLUTION);
             for j in 0..DEPTHS {
                 let v = 0.5 * top * (1.0 + chebyshev_node(j, DEPTHS));
                 let found = prepared.solve(BEND * v / (1.0 - v)).response(side, setting.incidence);
@@ -110,22 +110,22 @@ impl Surface {
             }
             out
         });
-        Surface { coefficients }
+        ResponseSurface { coefficients }
     }
 
     /// Σ `weights` · `surfaces`.
-    pub fn mixed(weights: &[f64], surfaces: &[Surface]) -> Surface {
+    pub fn mixed(weights: &[f64], surfaces: &[ResponseSurface]) -> ResponseSurface {
         let mut coefficients = [vec![0.0; LOBES * DEPTHS], vec![0.0; LOBES * DEPTHS]];
         for (weight, surface) in weights.iter().zip(surfaces) {
             for (out, of) in coefficients.iter_mut().zip(&surface.coefficients) {
                 out.iter_mut().zip(of).for_each(|(out, x)| *out += weight * x);
             }
         }
-        Surface { coefficients }
+        ResponseSurface { coefficients }
     }
 
     /// Largest difference in R and T between two surfaces, over a grid of absorptions and oblateness.
-    pub fn distance(&self, other: &Surface) -> f64 {
+    pub fn distance(&self, other: &ResponseSurface) -> f64 {
         let mut worst = 0.0f64;
         for i in 0..=12 {
             for j in 0..=24 {
@@ -139,7 +139,7 @@ impl Surface {
     }
 
     /// R and T, for an absorption times thickness of 0 or more and a ln(1 + oblateness) from 0 to [`widest`].
-    pub fn at(&self, depth: f64, lobe: f64) -> [Value; 2] {
+    pub fn at(&self, depth: f64, lobe: f64) -> [FoliarSensitivity; 2] {
         let top = BLACK / (BLACK + BEND);
         let inside = depth.clamp(0.0, BLACK);
         let (x, dx) = (2.0 * inside / (inside + BEND) / top - 1.0, 2.0 * BEND / (inside + BEND).powi(2) / top);
@@ -156,7 +156,7 @@ impl Surface {
                 by_depth += a * slope * dx;
                 by_lobe += da * along * dy;
             }
-            Value { value, by_depth, by_lobe }
+            FoliarSensitivity { value, by_depth, by_lobe }
         })
     }
 }
@@ -169,18 +169,18 @@ mod tests {
     /// Values and derivatives are compared with the exact method itself.
     #[test]
     fn between_its_nodes_it_is_the_exact_method() {
-        let setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 0.14 };
-        let surface = Surface::new([1.51, 1.416, 1.411], &setting, Side::Front);
+        let setting = FoliarFitSetting { palisade: 1.0, spongy: 5.0, path: MesophyllPath::Sieve, incidence: 0.14 };
+        let surface = ResponseSurface::new([1.51, 1.416, 1.411], &setting, Side::Front);
         for (depth, epidermis) in
             [(0.0, 5.0), (0.02, 0.0), (0.13, 2.2), (0.6, 14.0), (1.7, 40.0), (5.0, 90.0), (30.0, 1.0)]
         {
-            let leaf = Leaf {
+            let leaf = LayeredLeaf {
                 depth,
                 n_cuticle: 1.51,
                 n_mesophyll: 1.416,
                 n_antidermal: 1.411,
                 oblateness: Oblateness { epidermis, ..Oblateness::USUAL },
-                path: Path::Sieve,
+                path: MesophyllPath::Sieve,
             };
             let want = exact::derivatives(&leaf, Side::Front, setting.incidence);
             let got = surface.at(depth, epidermis.ln_1p());

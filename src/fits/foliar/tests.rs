@@ -1,42 +1,44 @@
 use super::*;
-use mesophyll_files::table::{Record, Table};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, exact};
+use mesophyll_files::table::{InputTable, TableRecord};
+use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness, exact};
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-const SETTING: Setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 0.14 };
-const KNOWN: Known = Known { contents: [0.0; 5], oblateness: 5.0 };
-const THREE: [Parameter; 3] = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness];
+const SETTING: FoliarFitSetting =
+    FoliarFitSetting { palisade: 1.0, spongy: 5.0, path: MesophyllPath::Sieve, incidence: 0.14 };
+const KNOWN: FoliarFitConstants = FoliarFitConstants { contents: [0.0; 5], oblateness: 5.0 };
+const THREE: [FoliarParameter; 3] =
+    [FoliarParameter::Chlorophyll, FoliarParameter::Carotenoid, FoliarParameter::Oblateness];
 
 /// Constants of the size of a leaf's at three wavelengths; made up, so that no database is needed.
-fn spectrum() -> Spectrum {
-    let of = |chlorophyll: f64, carotenoid: f64, n: f64| Constants {
+fn spectrum() -> OpticalSpectrum {
+    let of = |chlorophyll: f64, carotenoid: f64, n: f64| OpticalConstants {
         specific: [chlorophyll, carotenoid, 10.0, 4.0, 1e-3],
         indices: [n, 1.42, 1.41],
     };
     let points = vec![(450.0, of(5e4, 5e4, 1.53)), (550.0, of(1.2e4, 6e3, 1.51)), (650.0, of(3e4, 0.0, 1.5))];
-    Spectrum { points }
+    OpticalSpectrum { points }
 }
 
 /// Readings of a leaf as the exact method computes them.
-fn readings(lights: &[(f64, Side)], chlorophyll: f64, carotenoid: f64, epidermis: f64) -> Vec<Reading> {
+fn readings(lights: &[(f64, Side)], chlorophyll: f64, carotenoid: f64, epidermis: f64) -> Vec<FoliarReading> {
     of_spectrum(&spectrum(), lights, chlorophyll, carotenoid, epidermis)
 }
 
 fn of_spectrum(
-    spectrum: &Spectrum,
+    spectrum: &OpticalSpectrum,
     lights: &[(f64, Side)],
     chlorophyll: f64,
     carotenoid: f64,
     epidermis: f64,
-) -> Vec<Reading> {
+) -> Vec<FoliarReading> {
     let mut readings = Vec::new();
     for (light, &(wavelength, side)) in lights.iter().enumerate() {
         let constants = spectrum.at(wavelength).unwrap();
         let per = constants.per_content();
         let [n_cuticle, n_mesophyll, n_antidermal] = constants.indices;
-        let leaf = Leaf {
+        let leaf = LayeredLeaf {
             depth: per[0] * chlorophyll + per[1] * carotenoid,
             n_cuticle,
             n_mesophyll,
@@ -46,7 +48,7 @@ fn of_spectrum(
         };
         let found = exact::response(&leaf, side, SETTING.incidence).unwrap();
         for (through, value) in [(false, found.reflectance), (true, found.transmittance)] {
-            readings.push(Reading { light, through, value, err: f64::NAN });
+            readings.push(FoliarReading { light, through, value, err: f64::NAN });
         }
     }
     readings
@@ -55,7 +57,8 @@ fn of_spectrum(
 const LIGHTS: [(f64, Side); 3] = [(450.0, Side::Front), (550.0, Side::Front), (650.0, Side::Front)];
 
 /// What all tests of the same lights share.
-static MODEL: LazyLock<Model> = LazyLock::new(|| Model::new(&spectrum(), &LIGHTS, SETTING, &THREE, None).unwrap());
+static MODEL: LazyLock<FoliarFitModel> =
+    LazyLock::new(|| FoliarFitModel::new(&spectrum(), &LIGHTS, SETTING, &THREE, None).unwrap());
 
 #[test]
 fn what_a_leaf_was_made_of_is_found() {
@@ -82,12 +85,12 @@ fn standard_errors_are_true() {
     let runs = 100;
     let mut squares = [0.0; 3];
     for _ in 0..runs {
-        let noisy: Vec<Reading> = clean
+        let noisy: Vec<FoliarReading> = clean
             .iter()
             .map(|r| {
                 // The sum of twelve uniform numbers is close enough to normal.
                 let z: f64 = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
-                Reading { value: r.value + noise * z, ..*r }
+                FoliarReading { value: r.value + noise * z, ..*r }
             })
             .collect();
         let found = model.fit(&noisy, &KNOWN);
@@ -104,7 +107,12 @@ fn standard_errors_are_true() {
 
 #[test]
 fn what_readings_do_not_tell_is_named() {
-    let asked = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness, Parameter::Thickness];
+    let asked = [
+        FoliarParameter::Chlorophyll,
+        FoliarParameter::Carotenoid,
+        FoliarParameter::Oblateness,
+        FoliarParameter::Thickness,
+    ];
     let model = MODEL.asking(&asked, Some(1e-3));
     let all = readings(&LIGHTS, 30.0, 8.0, 5.0);
     let Status::Undetermined(what) = model.fit(&all, &KNOWN).status else { panic!("a thickness was found") };
@@ -118,9 +126,9 @@ fn what_readings_do_not_tell_is_named() {
     let red = model.fit(&all[4..], &KNOWN).status;
     assert!(red.leaves_open("carotenoid_ug_cm2") && !red.leaves_open("chlorophyll_ug_cm2"), "{red}");
     assert!(matches!(model.fit(&[], &KNOWN).status, Status::Refused(_)));
-    let wild = [Reading { value: 1.5, ..all[0] }];
+    let wild = [FoliarReading { value: 1.5, ..all[0] }];
     assert!(model.fit(&wild, &KNOWN).status.to_string().contains("reflectance at 450 nm is 1.5"));
-    assert!(Model::new(&spectrum(), &[(300.0, Side::Front)], SETTING, &THREE, None).is_err());
+    assert!(FoliarFitModel::new(&spectrum(), &[(300.0, Side::Front)], SETTING, &THREE, None).is_err());
 }
 
 #[test]
@@ -141,17 +149,17 @@ fn real_leaves_are_fitted_as_closely_as_by_prospect() {
         return;
     };
     let spectrum = pigments::read(&data.join("foliar/pigments_npsg.csv")).unwrap();
-    let model = Model::new(&spectrum, &LIGHTS, SETTING, &THREE, None).unwrap();
-    let mut leaves: Vec<Vec<Reading>> = Vec::new();
+    let model = FoliarFitModel::new(&spectrum, &LIGHTS, SETTING, &THREE, None).unwrap();
+    let mut leaves: Vec<Vec<FoliarReading>> = Vec::new();
     for file in ["leaves/reflectance_transmittance.csv", "leaves/reflectance_transmittance_2.csv"] {
-        let mut table = Table::open(&data.join(file)).unwrap();
+        let mut table = InputTable::open(&data.join(file)).unwrap();
         let places: Vec<usize> =
             ["R450", "T450", "R550", "T550", "R650", "T650"].iter().map(|c| table.require(c).unwrap()).collect();
-        let mut record = Record::default();
+        let mut record = TableRecord::default();
         while table.next_record(&mut record).unwrap() {
             let read = |(k, &place): (usize, &usize)| {
                 let value = record.text(Some(place))?.ok()?.parse().ok()?;
-                Some(Reading { light: k / 2, through: k % 2 == 1, value, err: f64::NAN })
+                Some(FoliarReading { light: k / 2, through: k % 2 == 1, value, err: f64::NAN })
             };
             leaves.push(places.iter().enumerate().filter_map(read).collect());
         }
@@ -183,13 +191,13 @@ fn what_the_layered_leaf_does_not_describe_is_never_ok() {
     let lights: Vec<(f64, Side)> = (0..40).map(|k| (450.0 + 5.0 * f64::from(k), Side::Front)).collect();
     let mut flat = spectrum();
     flat.points.iter_mut().for_each(|p| p.1.indices = [1.5, 1.42, 1.41]);
-    let model = Model::new(&flat, &lights, SETTING, &THREE, Some(4e-3)).unwrap();
+    let model = FoliarFitModel::new(&flat, &lights, SETTING, &THREE, Some(4e-3)).unwrap();
     let clean = of_spectrum(&flat, &lights, 30.0, 8.0, 5.0);
     let with = |wave: f64| {
-        let moved = |(k, r): (usize, &Reading)| {
+        let moved = |(k, r): (usize, &FoliarReading)| {
             let parity = if (k / 2) % 2 == 0 { 1.0 } else { -1.0 };
             let slow = (f64::from(k as u32) / 6.0).sin();
-            Reading { value: r.value + 4e-3 * (wave * slow + (1.0 - wave) * parity), ..*r }
+            FoliarReading { value: r.value + 4e-3 * (wave * slow + (1.0 - wave) * parity), ..*r }
         };
         model.fit(&clean.iter().enumerate().map(moved).collect::<Vec<_>>(), &KNOWN)
     };

@@ -1,6 +1,6 @@
 //! The covariance of a texel's nonlinear parameters from their normal matrix.
 
-use super::project::NONLINEAR;
+use super::projection::NONLINEAR;
 
 /// A matrix of the nonlinear parameters: ln m and two tilts.
 pub(super) type Matrix = [[f64; NONLINEAR]; NONLINEAR];

@@ -1,9 +1,9 @@
 //! `GEOMETRY.toml` of `fit gloss` and `eval gloss`: the device over one texel in the middle of the blade.
 
-use super::Device;
+use super::GlossFitDevice;
 use crate::record::read_toml;
 use crate::{Error, Result};
-use mesophyll_files::table::Table;
+use mesophyll_files::table::InputTable;
 use mesophyll_optics::gloss::Lobe;
 use serde::Deserialize;
 use std::path::Path;
@@ -11,7 +11,7 @@ use std::path::Path;
 /// The file's fields; unknown ones are errors. Lengths in mm; `u` = (x_light − x_texel)/height, a frame each.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Geometry {
+pub struct GlossGeometry {
     /// Height of the tube's axis over the blade.
     pub height_mm: f64,
     /// Lit length of the tube, centred on the blade.
@@ -39,13 +39,13 @@ pub struct Geometry {
     pub noise_floor: f64,
 }
 
-impl Geometry {
+impl GlossGeometry {
     /// Reads and checks the file.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
-    pub fn read(path: &Path) -> Result<Geometry> {
-        let geometry: Geometry = read_toml(path)?;
+    pub fn read(path: &Path) -> Result<GlossGeometry> {
+        let geometry: GlossGeometry = read_toml(path)?;
         geometry.check(path)?;
         Ok(geometry)
     }
@@ -54,8 +54,8 @@ impl Geometry {
     ///
     /// # Errors
     /// As [`Geometry::read`].
-    pub fn from_text(text: &str, name: &Path) -> Result<Geometry> {
-        let geometry: Geometry = toml::from_str(text).map_err(|e| Error::toml(name, text, &e))?;
+    pub fn from_text(text: &str, name: &Path) -> Result<GlossGeometry> {
+        let geometry: GlossGeometry = toml::from_str(text).map_err(|e| Error::toml(name, text, &e))?;
         geometry.check(name)?;
         Ok(geometry)
     }
@@ -124,9 +124,9 @@ impl Geometry {
     }
 
     /// The device of this geometry, for texels with that lobe.
-    pub fn device(&self, lobe: Lobe) -> Device {
+    pub fn device(&self, lobe: Lobe) -> GlossFitDevice {
         let camera = self.camera_deg.to_radians();
-        Device {
+        GlossFitDevice {
             height_mm: self.height_mm,
             length_mm: self.tube_length_mm,
             radius_mm: self.tube_radius_mm,
@@ -142,7 +142,7 @@ impl Geometry {
 ///
 /// # Errors
 /// [`Error::Input`] where a channel does not have exactly one column a frame.
-pub fn trace_columns(table: &Table, frames: usize) -> Result<Vec<Vec<String>>> {
+pub fn trace_columns(table: &InputTable, frames: usize) -> Result<Vec<Vec<String>>> {
     let count = |channel: char| {
         let numbered = |h: &String| {
             h.strip_prefix(channel).is_some_and(|k| !k.is_empty() && k.bytes().all(|b| b.is_ascii_digit()))

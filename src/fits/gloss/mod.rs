@@ -9,24 +9,24 @@
 mod covariance;
 pub mod geometry;
 mod outliers;
-mod project;
+mod projection;
 mod report;
 pub mod samples;
 mod start;
 pub mod synthetic;
 mod texel;
 
-pub use texel::{TexelFitter, Workspace};
+pub use texel::{GlossFitWorkspace, GlossTexelFitter};
 
-use mesophyll_base::solve::Termination;
-use mesophyll_files::table::{Answer, Status};
+use mesophyll_base::solvers::Termination;
+use mesophyll_files::table::{OutputRow, Status};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Tube;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// What a fit needs to know about the device. Lengths in mm.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Device {
+pub struct GlossFitDevice {
     /// Height of the tube's axis over the blade.
     pub height_mm: f64,
     /// Lit length, centred on the blade.
@@ -43,7 +43,7 @@ pub struct Device {
     pub noise_floor: f64,
 }
 
-impl Device {
+impl GlossFitDevice {
     /// The tube alone.
     pub fn tube(&self) -> Tube {
         Tube { height_mm: self.height_mm, length_mm: self.length_mm, radius_mm: self.radius_mm }
@@ -93,7 +93,7 @@ impl ReadingNoise {
 /// When samples are reweighted against outliers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Robust {
+pub enum RobustWeighting {
     /// Never.
     Off,
     /// Only where the first fit leaves residuals that the stated noise does not explain.
@@ -105,26 +105,26 @@ pub enum Robust {
 
 /// A set of parameters that the data do not determine within 10 % (tilts: within 2°).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Undetermined(pub u16);
+pub struct UndeterminedSet(pub u16);
 
-impl Undetermined {
+impl UndeterminedSet {
     /// Diffuse reflectance, a channel each.
-    pub const RHO_D: [Undetermined; 3] = [Undetermined(1), Undetermined(2), Undetermined(4)];
+    pub const RHO_D: [UndeterminedSet; 3] = [UndeterminedSet(1), UndeterminedSet(2), UndeterminedSet(4)];
     /// Gloss reflectance, a channel each.
-    pub const RHO_S: [Undetermined; 3] = [Undetermined(8), Undetermined(16), Undetermined(32)];
+    pub const RHO_S: [UndeterminedSet; 3] = [UndeterminedSet(8), UndeterminedSet(16), UndeterminedSet(32)];
     /// Slope of the gloss.
-    pub const M: Undetermined = Undetermined(64);
+    pub const M: UndeterminedSet = UndeterminedSet(64);
     /// Tilt in the plane x–z.
-    pub const TILT: Undetermined = Undetermined(128);
+    pub const TILT: UndeterminedSet = UndeterminedSet(128);
     /// Tilt out of that plane; it can be in the set only where there was a second pass.
-    pub const TILT_Y: Undetermined = Undetermined(256);
+    pub const TILT_Y: UndeterminedSet = UndeterminedSet(256);
 
     /// Whether all of `other` is in the set.
-    pub fn contains(self, other: Undetermined) -> bool {
+    pub fn contains(self, other: UndeterminedSet) -> bool {
         self.0 & other.0 == other.0
     }
     /// Adds all of `other` to the set.
-    pub fn insert(&mut self, other: Undetermined) {
+    pub fn insert(&mut self, other: UndeterminedSet) {
         self.0 |= other.0;
     }
     /// Whether everything is determined.
@@ -133,8 +133,8 @@ impl Undetermined {
     }
 
     /// Every parameter of a one-pass fit.
-    pub fn all(channels: usize) -> Undetermined {
-        Undetermined(if channels == 1 { 1 | 8 | 64 | 128 } else { 255 })
+    pub fn all(channels: usize) -> UndeterminedSet {
+        UndeterminedSet(if channels == 1 { 1 | 8 | 64 | 128 } else { 255 })
     }
 
     /// Names as in the output columns; `channels` is 1 or 3.
@@ -152,7 +152,7 @@ impl Undetermined {
 
 /// A fitted texel. Errors are one standard deviation; infinite where nothing is known.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TexelFit {
+pub struct GlossTexelFit {
     /// Diffuse reflectance ρd, a channel each.
     pub rho_d: [f64; 3],
     /// Gloss reflectance ρs, a channel each.
@@ -195,7 +195,7 @@ pub struct TexelFit {
     /// How the last descent ended.
     pub termination: Termination,
     /// Which parameters the samples do not determine.
-    pub undetermined: Undetermined,
+    pub undetermined: UndeterminedSet,
     /// Why the texel is not to be trusted, if so.
     pub defect: Option<&'static str>,
 }
@@ -216,10 +216,10 @@ pub const M_RANGE: [f64; 2] = [0.005, 1.2];
 /// Range of either tilt (rad).
 pub const TILT_LIMIT: f64 = 1.05;
 
-impl TexelFit {
+impl GlossTexelFit {
     /// A texel that cannot be fitted at all.
-    pub fn refused(why: &'static str) -> TexelFit {
-        TexelFit {
+    pub fn refused(why: &'static str) -> GlossTexelFit {
+        GlossTexelFit {
             rho_d: [f64::NAN; 3],
             rho_s: [f64::NAN; 3],
             m: f64::NAN,
@@ -240,7 +240,7 @@ impl TexelFit {
             iterations: 0,
             evaluations: 0,
             termination: Termination::Refused,
-            undetermined: Undetermined(0),
+            undetermined: UndeterminedSet(0),
             defect: Some(why),
         }
     }
@@ -253,12 +253,12 @@ impl TexelFit {
         let mut names = self.undetermined;
         for c in (0..channels.min(3)).filter(|&c| self.rho_d[c].is_nan()) {
             // The channel has no reading.
-            names.insert(Undetermined::RHO_D[c]);
-            names.insert(Undetermined::RHO_S[c]);
+            names.insert(UndeterminedSet::RHO_D[c]);
+            names.insert(UndeterminedSet::RHO_S[c]);
         }
         if matches!(self.defect, Some(NOT_CONVERGED | NOT_EXPLAINED | AMBIGUOUS)) {
             // Something is wrong with the texel, so none of its numbers is promised.
-            names = Undetermined::all(channels);
+            names = UndeterminedSet::all(channels);
         }
         let what = names.names(channels).join(" ");
         match self.defect {
@@ -280,9 +280,9 @@ impl TexelFit {
     }
 
     /// The texel as the row of a batch.
-    pub fn answer(&self, channels: usize) -> Answer {
+    pub fn answer(&self, channels: usize) -> OutputRow {
         if self.termination == Termination::Refused {
-            return Answer::refused(self.defect.unwrap_or("no fit"));
+            return OutputRow::refused(self.defect.unwrap_or("no fit"));
         }
         let mut values = Vec::with_capacity(17);
         let mut push = |d: &[f64; 3], s: &[f64; 3], m: f64, tilt: f64| {
@@ -293,19 +293,19 @@ impl TexelFit {
         push(&self.rho_d, &self.rho_s, self.m, self.tilt[0]);
         push(&self.rho_d_err, &self.rho_s_err, self.m_err, self.tilt_err[0]);
         values.push(self.chi2);
-        Answer { values, status: self.status(channels) }
+        OutputRow { values, status: self.status(channels) }
     }
 
     /// The same for a trace of a table, of which it was asked whether the lobe describes it
     /// ([`TexelFitter::judge`]).
-    pub fn judged(mut self, found: Option<&mesophyll_base::solve::adequacy::Adequacy>, channels: usize) -> Answer {
+    pub fn judged(mut self, found: Option<&mesophyll_base::solvers::adequacy::Adequacy>, channels: usize) -> OutputRow {
         let why = found.and_then(|found| self.doubted(found));
         let answer = self.answer(channels);
         match why {
             // A defect that was found before says as much.
             Some(why) if !matches!(self.defect, Some(NOT_CONVERGED | NOT_EXPLAINED | AMBIGUOUS)) => {
-                let names = Undetermined::all(channels).names(channels).join(" ");
-                Answer { status: Status::Undetermined(format!("{names} ({why})")), ..answer }
+                let names = UndeterminedSet::all(channels).names(channels).join(" ");
+                OutputRow { status: Status::Undetermined(format!("{names} ({why})")), ..answer }
             }
             _ => answer,
         }

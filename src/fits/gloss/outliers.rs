@@ -1,9 +1,9 @@
 //! Outliers among a texel's readings. Huber's weights find them, then they are rejected, and a plain fit of the rest
 //! keeps full efficiency on clean data.
 
-use super::Robust;
+use super::RobustWeighting;
 use super::texel::{CONVERGED, Job, State};
-use mesophyll_base::solve::Termination;
+use mesophyll_base::solvers::Termination;
 
 /// A residual of more than this many standard deviations is an outlier. With 300 samples, noise alone reaches it in one
 /// of 500 texels.
@@ -15,7 +15,7 @@ impl Job<'_> {
     /// `worst` is the largest squared standardised residual of `state`. Returns the fit without outliers, how it ended,
     /// and the number of outliers.
     pub(super) fn reject(&mut self, state: State, termination: Termination, worst: f64) -> (State, Termination, usize) {
-        if worst <= OUTLIER * OUTLIER && self.fitter.robust == Robust::Auto {
+        if worst <= OUTLIER * OUTLIER && self.fitter.robust == RobustWeighting::Auto {
             return (state, termination, 0);
         }
         let readings: Vec<(usize, usize)> = (0..3)

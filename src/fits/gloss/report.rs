@@ -2,13 +2,13 @@
 //! and what is wrong.
 
 use super::covariance::{Matrix, covariance};
-use super::project::{Channel, NONLINEAR, S};
+use super::projection::{ChannelProjection, NONLINEAR, S};
 use super::texel::{Job, State, bounded};
 use super::{
-    AMBIGUOUS, M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, TexelFit, Undetermined, normal_of,
+    AMBIGUOUS, GlossTexelFit, M_RANGE, NARROW, NOT_CONVERGED, NOT_EXPLAINED, TILT_LIMIT, UndeterminedSet, normal_of,
     normal_slopes,
 };
-use mesophyll_base::solve::Termination;
+use mesophyll_base::solvers::Termination;
 
 /// Minima whose χ² differ by less than this (three standard deviations) cannot be told apart.
 const RIVAL: f64 = 9.0;
@@ -23,7 +23,7 @@ impl Job<'_> {
         counts: [usize; 3],
         parameters: usize,
         outliers: usize,
-    ) -> TexelFit {
+    ) -> GlossTexelFit {
         let mut fit = self.report(bare, termination, counts, true, parameters, outliers);
         for c in (0..3).filter(|&c| counts[c] > 0) {
             fit.rho_d_err[c] = fit.rho_d_err[c].hypot(bare.channels[c].rho_d - full.channels[c].rho_d);
@@ -36,7 +36,7 @@ impl Job<'_> {
         for c in (0..3).filter(|&c| counts[c] > 0) {
             fit.rho_d_err[c] = fit.rho_d_err[c].hypot(fit.rho_d[c] * unseen * unseen);
         }
-        fit.undetermined = Undetermined::default();
+        fit.undetermined = UndeterminedSet::default();
         self.judge(&mut fit, counts, true);
         fit
     }
@@ -44,7 +44,7 @@ impl Job<'_> {
     /// Widens every error by the effect that a tilt out of the plane of travel may have on it. The effect grows with
     /// the square of the tilt. Twice the effect of one standard deviation is added, so that an interval of two standard
     /// errors holds 95 % of such texels.
-    pub(super) fn unseen(&mut self, fit: &mut TexelFit, best: &State, counts: [usize; 3]) {
+    pub(super) fn unseen(&mut self, fit: &mut GlossTexelFit, best: &State, counts: [usize; 3]) {
         let tilt = self.fitter.unseen;
         if self.tilts != 1 || tilt <= 0.0 {
             return;
@@ -79,7 +79,7 @@ impl Job<'_> {
     }
 
     /// Marks the texel as ambiguous where another minimum fits as well at other parameters.
-    pub(super) fn compare(&self, fit: &mut TexelFit, best: &State, rivals: &[State]) {
+    pub(super) fn compare(&self, fit: &mut GlossTexelFit, best: &State, rivals: &[State]) {
         let apart = |r: &State| {
             let tilt = (0..self.tilts).any(|k| (r.p[1 + k] - best.p[1 + k]).abs() > 2.5 * fit.tilt_err[k]);
             tilt || (r.p[0].exp() - fit.m).abs() > 2.5 * fit.m_err
@@ -98,7 +98,7 @@ impl Job<'_> {
         matte: bool,
         parameters: usize,
         outliers: usize,
-    ) -> TexelFit {
+    ) -> GlossTexelFit {
         let count = 1 + self.tilts;
         if matte {
             // The error of ρs is computed at a slope that leaves usually have; the fitted slope means nothing here.
@@ -134,7 +134,7 @@ impl Job<'_> {
         }
         let (cov, condition) = covariance(&normal, count, matte);
         let samples = counts.iter().sum::<usize>() - outliers;
-        let mut fit = TexelFit {
+        let mut fit = GlossTexelFit {
             m,
             tilt: [state.p[1], state.p[2]],
             normal: normal_of([state.p[1], state.p[2]]),
@@ -148,7 +148,7 @@ impl Job<'_> {
             evaluations: self.evaluations,
             correlation: 0.0,
             defect: None,
-            ..TexelFit::refused("")
+            ..GlossTexelFit::refused("")
         };
         let levels = self.levels();
         fit.chi2 -= levels.as_ref().map_or(0.0, |levels| self.explained_by_dark(&state, levels));
@@ -196,18 +196,19 @@ impl Job<'_> {
     }
 
     /// Linear sums and solution of each channel for samples that are all one; `None` where the dark level has no error.
-    fn levels(&self) -> Option<[Channel; 3]> {
+    fn levels(&self) -> Option<[ChannelProjection; 3]> {
         let ws = &*self.ws;
         let ones = vec![1.0; ws.y[0].len()];
         let known = self.noise.dark_error.iter().all(|e| *e <= 0.0);
-        (!known)
-            .then(|| std::array::from_fn(|c| Channel::solve(self.fitter.level, &ws.columns, &ones, &ws.w[c], false)))
+        (!known).then(|| {
+            std::array::from_fn(|c| ChannelProjection::solve(self.fitter.level, &ws.columns, &ones, &ws.w[c], false))
+        })
     }
 
     /// How much of χ² an error of each channel's dark level explains: the largest decrease of χ² + (level/σ)² over all
     /// levels, σ being the standard error of the dark level. Without this every texel's χ² would contain the noise of
     /// its own dark frame.
-    fn explained_by_dark(&self, state: &State, levels: &[Channel; 3]) -> f64 {
+    fn explained_by_dark(&self, state: &State, levels: &[ChannelProjection; 3]) -> f64 {
         let ws = &*self.ws;
         let of_channel = |c: usize| {
             let (sigma, channel, level) = (self.noise.dark_error[c], &state.channels[c], &levels[c]);
@@ -222,11 +223,11 @@ impl Job<'_> {
     /// added to all samples.
     fn add_dark_error(
         &self,
-        fit: &mut TexelFit,
+        fit: &mut GlossTexelFit,
         state: &State,
         cov: &Matrix,
         inverses: &[[[f64; 2]; 2]; 3],
-        levels: [Channel; 3],
+        levels: [ChannelProjection; 3],
     ) {
         let (ws, level, count) = (&*self.ws, self.fitter.level, 1 + self.tilts);
         let ones = vec![1.0; ws.y[0].len()];
@@ -275,7 +276,7 @@ impl Job<'_> {
     /// In a curved valley of χ², the curvature at the minimum makes errors look too small. So the tilt is moved away
     /// from the minimum while the other parameters follow. Where χ² rises less than a parabola would, every error grows
     /// by that factor.
-    pub(super) fn profile(&mut self, fit: &mut TexelFit, best: &State, counts: [usize; 3]) {
+    pub(super) fn profile(&mut self, fit: &mut GlossTexelFit, best: &State, counts: [usize; 3]) {
         let err = fit.tilt_err[0];
         if !(err > 0.0 && err < 0.5) {
             return;
@@ -311,23 +312,23 @@ impl Job<'_> {
     }
 
     /// Names the parameters that are not determined, and the defect if there is one.
-    fn judge(&self, fit: &mut TexelFit, counts: [usize; 3], matte: bool) {
-        let mut names = Undetermined::default();
+    fn judge(&self, fit: &mut GlossTexelFit, counts: [usize; 3], matte: bool) {
+        let mut names = UndeterminedSet::default();
         let parallel = fit.correlation < -0.99;
         for c in (0..3).filter(|&c| counts[c] > 0) {
             if parallel || unsure(fit.rho_d_err[c], fit.rho_d[c]) {
-                names.insert(Undetermined::RHO_D[c]);
+                names.insert(UndeterminedSet::RHO_D[c]);
             }
             if parallel || unsure(fit.rho_s_err[c], fit.rho_s[c]) {
-                names.insert(Undetermined::RHO_S[c]);
+                names.insert(UndeterminedSet::RHO_S[c]);
             }
         }
         let at_bound = fit.m <= 1.0001 * M_RANGE[0] || fit.m >= 0.9999 * M_RANGE[1];
         let narrow = !matte && self.lobe_frames() < 2;
         if matte || at_bound || narrow || parallel || unsure(fit.m_err, fit.m) {
-            names.insert(Undetermined::M);
+            names.insert(UndeterminedSet::M);
         }
-        for (k, flag) in [Undetermined::TILT, Undetermined::TILT_Y].into_iter().enumerate().take(self.tilts) {
+        for (k, flag) in [UndeterminedSet::TILT, UndeterminedSet::TILT_Y].into_iter().enumerate().take(self.tilts) {
             let at_bound = fit.tilt[k].abs() >= TILT_LIMIT - 1e-9;
             if at_bound || unsure(fit.tilt_err[k], fit.tilt[k].abs().max(0.35)) {
                 names.insert(flag);

@@ -4,11 +4,11 @@
 //! Templates depend on where the texel lies along the travel. So there is a bank for every few millimetres, built when
 //! it is first used.
 
-use crate::gloss::{Device, normal_of};
+use crate::gloss::{GlossFitDevice, normal_of};
 use mesophyll_base::processor::InstructionSet;
 use mesophyll_optics::dispatch_lanes;
 use mesophyll_optics::tube::lanes::{Lanes, padded};
-use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 use std::sync::OnceLock;
 
 /// m of the templates, finest first.
@@ -20,7 +20,7 @@ const SIDE: usize = 40;
 
 /// A point to start from and how well it fits (Σ w r² of the channel sum).
 #[derive(Debug, Clone, Copy)]
-pub struct Start {
+pub struct GlossFitStart {
     pub m: f64,
     pub tilt: f64,
     pub cost: f64,
@@ -28,7 +28,7 @@ pub struct Start {
 
 /// Condensed samples, their weights and each template's gain.
 #[derive(Debug, Default)]
-pub struct Scratch {
+pub struct TemplateScratch {
     samples: Vec<f64>,
     weights: Vec<f64>,
     gains: Vec<f64>,
@@ -42,8 +42,8 @@ struct Template {
 }
 
 /// Templates of one pass.
-pub struct Bank {
-    model: Model,
+pub struct TemplateBank {
+    model: TubeModel,
     travel: Travel,
     positions: Vec<f64>,
     range: [f64; 2],
@@ -54,14 +54,20 @@ pub struct Bank {
     bins: Vec<OnceLock<Vec<Template>>>,
 }
 
-impl Bank {
+impl TemplateBank {
     /// `range`: tilts in the plane of travel that the templates cover (rad). `fineness`: how many times the usual
     /// number of templates there are along either parameter.
-    pub fn new(device: &Device, travel: Travel, positions: &[f64], range: [f64; 2], fineness: f64) -> Bank {
+    pub fn new(
+        device: &GlossFitDevice,
+        travel: Travel,
+        positions: &[f64],
+        range: [f64; 2],
+        fineness: f64,
+    ) -> TemplateBank {
         // A thin tube is accurate enough for starting points.
         let tube = mesophyll_optics::tube::Tube { radius_mm: 0.0, ..device.tube() };
-        Bank {
-            model: Model::new(tube, device.camera, device.lobe, &Precision { along: 6, across: 1 }),
+        TemplateBank {
+            model: TubeModel::new(tube, device.camera, device.lobe, &TubePrecision { along: 6, across: 1 }),
             travel,
             positions: positions.to_vec(),
             range,
@@ -123,11 +129,11 @@ impl Bank {
         samples: &[f64],
         variances: &[f64],
         most: usize,
-        scratch: &mut Scratch,
-        found: &mut Vec<Start>,
+        scratch: &mut TemplateScratch,
+        found: &mut Vec<GlossFitStart>,
     ) {
         found.clear();
-        let Scratch { samples: y, weights: w, gains } = scratch;
+        let TemplateScratch { samples: y, weights: w, gains } = scratch;
         for list in [&mut *y, &mut *w] {
             list.clear();
         }
@@ -146,7 +152,7 @@ impl Bank {
         let gains = &mut gains[..];
         dispatch_lanes!(level, match_all(templates: &[Template], samples: &[f64], weights: &[f64], gains: &mut [f64]));
         for (t, gain) in templates.iter().zip(gains.iter()) {
-            let start = Start { m: t.m, tilt: t.tilt, cost: yy - gain };
+            let start = GlossFitStart { m: t.m, tilt: t.tilt, cost: yy - gain };
             if found.len() < most || start.cost < found[found.len() - 1].cost {
                 insert(found, start, most);
             }
@@ -196,8 +202,8 @@ fn match_all<L: Lanes>(templates: &[Template], samples: &[f64], weights: &[f64],
 }
 
 /// Inserts a start into the list, which stays sorted by cost. Neighbours of a better start are left out.
-fn insert(found: &mut Vec<Start>, new: Start, most: usize) {
-    let near = |a: &Start, b: &Start| (a.tilt - b.tilt).abs() < 0.15 && (a.m / b.m).ln().abs() < 0.6;
+fn insert(found: &mut Vec<GlossFitStart>, new: GlossFitStart, most: usize) {
+    let near = |a: &GlossFitStart, b: &GlossFitStart| (a.tilt - b.tilt).abs() < 0.15 && (a.m / b.m).ln().abs() < 0.6;
     if found.iter().any(|f| near(f, &new) && f.cost <= new.cost) {
         return;
     }

@@ -1,14 +1,14 @@
 //! Traces of known texels with seeded noise, for stress cases, benchmarks and tests. They are made by the plain model
 //! with many nodes, not by the fast model of the fit.
 
-use super::{Device, normal_of};
+use super::{GlossFitDevice, normal_of};
 use mesophyll_optics::gloss::Lobe;
-use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 use rand::{RngExt, SeedableRng};
 
 /// A texel whose parameters are known.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Truth {
+pub struct GlossFitTruth {
     /// Diffuse reflectance ρd, 0 to 1, a channel each.
     pub rho_d: [f64; 3],
     /// Gloss reflectance ρs, a channel each.
@@ -20,9 +20,9 @@ pub struct Truth {
 }
 
 /// The default device: 100 mm high, 500 mm long, 2.5 mm radius, camera at 55°, floor 5e-4.
-pub fn device(lobe: Lobe, noise_relative: f64) -> Device {
+pub fn device(lobe: Lobe, noise_relative: f64) -> GlossFitDevice {
     let camera = 55f64.to_radians();
-    Device {
+    GlossFitDevice {
         height_mm: 100.0,
         length_mm: 500.0,
         radius_mm: 2.5,
@@ -44,12 +44,12 @@ pub fn pass_x(frames: usize) -> Vec<f64> {
 }
 
 /// Seeded Gaussian deviates (Box & Muller).
-pub struct Noise(rand_pcg::Pcg64);
+pub struct GaussianDeviates(rand_pcg::Pcg64);
 
-impl Noise {
+impl GaussianDeviates {
     /// Noise that this seed decides.
-    pub fn new(seed: u64) -> Noise {
-        Noise(rand_pcg::Pcg64::seed_from_u64(seed))
+    pub fn new(seed: u64) -> GaussianDeviates {
+        GaussianDeviates(rand_pcg::Pcg64::seed_from_u64(seed))
     }
     /// The next standard normal number.
     pub fn normal(&mut self) -> f64 {
@@ -64,14 +64,14 @@ impl Noise {
 
 /// The trace that the device records of a texel `truth`, with noise if it is given.
 pub fn trace(
-    device: &Device,
+    device: &GlossFitDevice,
     travel: Travel,
     positions_mm: &[f64],
     texel_mm: [f64; 2],
-    truth: &Truth,
-    mut noise: Option<&mut Noise>,
+    truth: &GlossFitTruth,
+    mut noise: Option<&mut GaussianDeviates>,
 ) -> Vec<[f32; 3]> {
-    let model = Model::new(device.tube(), device.camera, device.lobe, &Precision::fine());
+    let model = TubeModel::new(device.tube(), device.camera, device.lobe, &TubePrecision::fine());
     let normal = normal_of(truth.tilt);
     let mut out = Vec::with_capacity(positions_mm.len());
     for &x in positions_mm {

@@ -1,10 +1,10 @@
 //! The blades that slices represent. They stand on a rectangle that repeats without end, and rays can hit them.
 
-use crate::grass::optics::{Leaves, Optics};
+use crate::grass::optics::{LawnMaterials, Optics};
 use crate::grass::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_plants::form::Plant;
-use mesophyll_transport::rays::{Forest, Ray, Shape};
+use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -17,7 +17,7 @@ const AZIMUTHS: usize = 32;
 
 /// Blades on a rectangle that repeats. Lengths are in mm; z is up and the ground is at z = 0.
 #[derive(Debug, Clone)]
-pub struct Meadow {
+pub struct LawnMeadow {
     /// Name of the meadow.
     pub name: String,
     /// Width and depth of the rectangle, whose middle is the origin.
@@ -31,7 +31,7 @@ pub struct Meadow {
     pub projection: [f64; STEPS + 1],
     /// Number of blades on the rectangle.
     pub blades: usize,
-    forest: Forest,
+    forest: InstanceForest,
     shapes: Vec<Shown>,
     placed: Vec<Placed>,
 }
@@ -53,7 +53,7 @@ struct Placed {
 
 /// The point where a ray hits a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Met {
+pub struct BladeHit {
     /// Distance from the origin of the ray, in lengths of its direction.
     pub t: f64,
     /// Unit normal, on the side that the ray comes from.
@@ -64,13 +64,13 @@ pub struct Met {
     pub rho_t: [f64; 3],
 }
 
-impl Meadow {
+impl LawnMeadow {
     /// The blades of `plant`, which `path` names in errors.
     ///
     /// # Errors
     /// [`Error::Input`] for a plant that does not repeat, that has no blades above the ground, or whose materials the
     /// table of `leaves` does not have.
-    pub fn new(path: &Path, plant: &Plant, leaves: &Leaves) -> Result<Meadow> {
+    pub fn new(path: &Path, plant: &Plant, leaves: &LawnMaterials) -> Result<LawnMeadow> {
         let Some(period) = plant.period else {
             return Err(Error::input(
                 path,
@@ -123,22 +123,22 @@ impl Meadow {
         if !(height > 0.0 && area > 0.0) {
             return Err(Error::input(path, "no blade stands above the ground (z = 0)"));
         }
-        let meshes = shapes.iter().map(|s| Shape::new(&s.positions, s.corners.as_flattened())).collect();
-        Ok(Meadow {
+        let meshes = shapes.iter().map(|s| TriangleTree::new(&s.positions, s.corners.as_flattened())).collect();
+        Ok(LawnMeadow {
             name: plant.name.clone(),
             period,
             height,
             leaf_area_index: area / (period[0] * period[1]),
             projection: shown.map(|sum| sum / area),
             blades: plant.leaves.len(),
-            forest: Forest::new(meshes, &transforms),
+            forest: InstanceForest::new(meshes, &transforms),
             shapes,
             placed,
         })
     }
 
     /// The nearest blade at 0 < t < `limit`; `limit` is finite.
-    pub fn nearest(&self, ray: &Ray, limit: f64) -> Option<Met> {
+    pub fn nearest(&self, ray: &Ray, limit: f64) -> Option<BladeHit> {
         self.pieces(ray, limit, |piece, from, length| {
             let hit = self.forest.nearest_within(piece, length, |_, _, _| true)?;
             let placed = self.placed[hit.instance];
@@ -153,7 +153,7 @@ impl Meadow {
             let front = facet.dot(ray.direction) < 0.0;
             let side = if front { 1.0 } else { -1.0 };
             let [rho_front, rho_back] = shape.optics.rho_d;
-            Some(Met {
+            Some(BladeHit {
                 t: from + hit.t,
                 normal: normal.unwrap_or(facet.normalize_or_zero()) * side,
                 rho_d: if front { [rho_front, rho_back] } else { [rho_back, rho_front] },

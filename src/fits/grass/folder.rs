@@ -1,12 +1,12 @@
 //! Slices on disk: `slices.exr`, `level.exr`, previews, `view.png`, `fit.toml`, `times.toml`.
 
-use crate::grass::blades::{Meadow, STEPS};
-use crate::grass::judge::{AZIMUTHS, ELEVATIONS, Judged, SUN};
-use crate::grass::march::Slices;
-use crate::grass::sheet::Sheet;
-use crate::grass::weights::Known;
+use crate::grass::blades::{LawnMeadow, STEPS};
+use crate::grass::judge::{AZIMUTHS, ELEVATIONS, LawnComparison, SUN};
+use crate::grass::march::LawnSlices;
+use crate::grass::sheet::SliceAtlas;
+use crate::grass::weights::LawnProjection;
 use crate::grass::{Error, Options, Result, optics};
-use crate::record::{FitKind, FitRecord, Param, Section};
+use crate::record::{FitKind, FitParameter, FitRecord, RecordSection};
 use mesophyll_files::hash;
 use std::path::Path;
 
@@ -16,7 +16,7 @@ pub const UPRIGHT: &str = "slices.exr";
 pub const LEVEL: &str = "level.exr";
 
 /// Writes sheets and previews, and names them in the record.
-pub(crate) fn write(out: &Path, slices: &Slices, record: &mut FitRecord) -> Result<()> {
+pub(crate) fn write(out: &Path, slices: &LawnSlices, record: &mut FitRecord) -> Result<()> {
     let mut white = 0f32;
     for t in slices.upright.levels[0].texels.iter().filter(|t| t[0] > 0.0) {
         white = white.max(t[1..4].iter().fold(0.0, |a: f32, b| a.max(*b)) / t[0]);
@@ -42,7 +42,7 @@ pub(crate) fn write(out: &Path, slices: &Slices, record: &mut FitRecord) -> Resu
 /// # Errors
 /// [`Error::Input`] for a folder without a fit or with one of another kind, for a damaged file, and for a record that
 /// lacks what a drawing needs.
-pub fn open(folder: &Path) -> Result<Slices> {
+pub fn open(folder: &Path) -> Result<LawnSlices> {
     let record = FitRecord::read_as(folder, FitKind::Grass)?;
     let path = folder.join("fit.toml");
     let all = record.sections.get("all").cloned().unwrap_or_default();
@@ -75,17 +75,17 @@ pub fn open(folder: &Path) -> Result<Slices> {
     };
     let own = table("projection_of_blades")?;
     let level = match record.files.contains_key(LEVEL) {
-        true => Some(Sheet::read(&folder.join(LEVEL), [cell[0], texels("texels_across")?], 1)?),
+        true => Some(SliceAtlas::read(&folder.join(LEVEL), [cell[0], texels("texels_across")?], 1)?),
         false => None,
     };
-    let upright = Sheet::read(&folder.join(UPRIGHT), cell, 2 * count)?;
-    Ok(Slices {
+    let upright = SliceAtlas::read(&folder.join(UPRIGHT), cell, 2 * count)?;
+    Ok(LawnSlices {
         period: [period[0], period[1]],
         height: numbers("height", 1, f64::MIN_POSITIVE)?[0],
         count,
         projection: table("projection")?,
         shown: [own[0], own[STEPS]],
-        cover: Slices::covers(&upright, level.as_ref()),
+        cover: LawnSlices::covers(&upright, level.as_ref()),
         upright,
         level,
         weighted: true,
@@ -98,7 +98,7 @@ pub fn open(folder: &Path) -> Result<Slices> {
 ///
 /// # Errors
 /// As [`open`], and for a table of leaves that cannot be read.
-pub fn differs(folder: &Path, meadow: &Meadow, leaves: Option<&Path>, same: f64) -> Result<Option<String>> {
+pub fn differs(folder: &Path, meadow: &LawnMeadow, leaves: Option<&Path>, same: f64) -> Result<Option<String>> {
     let record = FitRecord::read_as(folder, FitKind::Grass)?;
     let all = record.sections.get("all").cloned().unwrap_or_default();
     let own = [
@@ -122,12 +122,12 @@ pub fn differs(folder: &Path, meadow: &Meadow, leaves: Option<&Path>, same: f64)
 /// Writes what the record says of the fit: one section for the whole, and one for each elevation.
 pub(crate) fn describe(
     record: &mut FitRecord,
-    meadow: &Meadow,
-    slices: &Slices,
+    meadow: &LawnMeadow,
+    slices: &LawnSlices,
     options: &Options,
     leaves: String,
-    known: &[Known],
-    judged: &[Judged],
+    known: &[LawnProjection],
+    judged: &[LawnComparison],
 ) {
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     let [w, h] = options.texels;
@@ -137,22 +137,22 @@ pub(crate) fn describe(
     say("leaves", leaves);
     say("opacity", "weighted by direction, so that the optical depth is the blades'".into());
     say("judged by", format!("{} azimuths an elevation; sun at zenith {}, azimuth {}", AZIMUTHS.len(), SUN[0], SUN[1]));
-    let mut all = Section::default();
+    let mut all = RecordSection::default();
     let mut add = |name: &str, value: Vec<f64>, unit: &str| {
         // These figures are counted over the blades, not measured. So they have no standard error.
         let stderr = vec![f64::NAN; value.len()];
-        all.params.insert(name.into(), Param { value, stderr, unit: unit.into(), ..Param::default() });
+        all.params.insert(name.into(), FitParameter { value, stderr, unit: unit.into(), ..FitParameter::default() });
     };
     add("period", meadow.period.to_vec(), "mm");
     add("height", vec![meadow.height], "mm");
     add("leaf_area_index", vec![meadow.leaf_area_index], "");
     add("projection_of_blades", meadow.projection.to_vec(), "");
-    let undetermined = |(k, found): (usize, &Known)| found.why.as_ref().map(|why| format!("{k}: {why}"));
-    let fitted = Param {
+    let undetermined = |(k, found): (usize, &LawnProjection)| found.why.as_ref().map(|why| format!("{k}: {why}"));
+    let fitted = FitParameter {
         value: known.iter().map(|k| k.value).collect(),
         stderr: known.iter().map(|k| k.error).collect(),
         undetermined: known.iter().enumerate().filter_map(undetermined).collect(),
-        ..Param::default()
+        ..FitParameter::default()
     };
     all.params.insert("projection".into(), fitted);
     let counts = [("blades", meadow.blades), ("slices", slices.count), ("texels_along", w), ("texels_high", h)];
@@ -164,9 +164,9 @@ pub(crate) fn describe(
     all.figures.insert("bytes_on_gpu".into(), slices.bytes() as f64);
     record.sections.insert("all".into(), all);
     for (k, elevation) in ELEVATIONS.into_iter().enumerate() {
-        let here: Vec<Judged> = judged.iter().filter(|j| j.elevation == k).copied().collect();
-        let mut section = Section::default();
-        let mean = |of: &dyn Fn(&Judged) -> f64| here.iter().map(of).sum::<f64>() / here.len().max(1) as f64;
+        let here: Vec<LawnComparison> = judged.iter().filter(|j| j.elevation == k).copied().collect();
+        let mut section = RecordSection::default();
+        let mean = |of: &dyn Fn(&LawnComparison) -> f64| here.iter().map(of).sum::<f64>() / here.len().max(1) as f64;
         section.figures.insert("coverage_of_blades".into(), mean(&|j| j.blades.coverage));
         section.figures.insert("coverage_of_slices".into(), mean(&|j| j.slices.coverage));
         section.figures.insert("sunlit_of_blades".into(), mean(&|j| j.blades.sunlit.iter().sum::<f64>() / 3.0));
@@ -179,8 +179,8 @@ pub(crate) fn describe(
 }
 
 /// Writes the root mean squares over the directions, and the largest error.
-fn errors(section: &mut Section, judged: &[Judged]) {
-    let errors = Errors::of(judged);
+fn errors(section: &mut RecordSection, judged: &[LawnComparison]) {
+    let errors = LawnErrors::of(judged);
     let figures = [
         ("coverage_rms_error", errors.coverage),
         ("coverage_worst_error", errors.coverage_worst),
@@ -192,7 +192,7 @@ fn errors(section: &mut Section, judged: &[Judged]) {
 
 /// Errors over a number of directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Errors {
+pub struct LawnErrors {
     /// Root mean square error of the coverage, as a share of all rays.
     pub coverage: f64,
     /// The largest error of the coverage in either direction.
@@ -203,12 +203,12 @@ pub struct Errors {
     pub sunlit: f64,
 }
 
-impl Errors {
+impl LawnErrors {
     /// The errors over all given directions.
-    pub fn of(judged: &[Judged]) -> Errors {
+    pub fn of(judged: &[LawnComparison]) -> LawnErrors {
         let root = |sum: f64| (sum / judged.len().max(1) as f64).sqrt();
-        let off = |j: &Judged| j.slices.coverage - j.blades.coverage;
-        let relative = |of: &dyn Fn(&Judged) -> [[f64; 3]; 2]| {
+        let off = |j: &LawnComparison| j.slices.coverage - j.blades.coverage;
+        let relative = |of: &dyn Fn(&LawnComparison) -> [[f64; 3]; 2]| {
             let [mut error, mut whole] = [0.0; 2];
             for [slices, blades] in judged.iter().map(of) {
                 (0..3).for_each(|c| {
@@ -218,7 +218,7 @@ impl Errors {
             }
             if whole > 0.0 { (error / whole).sqrt() } else { 0.0 }
         };
-        Errors {
+        LawnErrors {
             coverage: root(judged.iter().map(|j| off(j).powi(2)).sum()),
             coverage_worst: judged.iter().map(|j| off(j).abs()).fold(0.0, f64::max),
             colour: relative(&|j| [j.slices.colour, j.blades.colour]),

@@ -6,7 +6,7 @@
 //! Limits: a slice is sheared along its length as the hill rises, and blades are not. The slices' light is that of a
 //! level lawn, and the sun's rays through the lawn are sheared by the slope of the place that they come from.
 
-use crate::grass::march::{Across, Crossing, Gathered, Slices};
+use crate::grass::march::{LawnRadiance, LawnSlices, SliceAxis, SliceCrossing};
 use crate::grass::sheet::CHANNELS;
 use glam::{DVec2, DVec3};
 
@@ -46,7 +46,7 @@ impl Hill {
     }
 }
 
-impl Slices {
+impl LawnSlices {
     /// Follows a ray through a lawn on a hill, as [`Slices::march`] does over level ground, up to the distance `reach`.
     /// The origin may lie over the lawn. Also returns where the ray reaches the ground. A crossing's place is at its
     /// height over the ground.
@@ -56,9 +56,9 @@ impl Slices {
         origin: DVec3,
         d: DVec3,
         reach: f64,
-        mut colour: impl FnMut(&Crossing, &[f64; CHANNELS]) -> [f64; 3],
-    ) -> (Gathered, Option<f64>) {
-        let mut out = Gathered::default();
+        mut colour: impl FnMut(&SliceCrossing, &[f64; CHANNELS]) -> [f64; 3],
+    ) -> (LawnRadiance, Option<f64>) {
+        let mut out = LawnRadiance::default();
         let at = |t: f64| {
             let p = origin + d * t;
             p.with_z(p.z - hill.rise(p.truncate()))
@@ -71,8 +71,8 @@ impl Slices {
             }
             0.5 * (a + b)
         };
-        let mut gather = |t: f64, across: Across, index: i64, out: &mut Gathered| {
-            let crossing = Crossing { t, across, index, place: at(t), lean: DVec2::ZERO };
+        let mut gather = |t: f64, across: SliceAxis, index: i64, out: &mut LawnRadiance| {
+            let crossing = SliceCrossing { t, across, index, place: at(t), lean: DVec2::ZERO };
             let falls = hill.sheared(d, crossing.place.truncate()).z;
             let texel = self.texel(&crossing, self.shares(d, falls), 0.0);
             let left = 1.0 - out.opacity;
@@ -95,7 +95,7 @@ impl Slices {
                 let [a, b] = [k, k + 1].map(|k| last + (to - last) * k as f64 / pieces);
                 let half = 0.5 * self.height;
                 if self.level.is_some() && (high(a) > half) != (high(b) > half) {
-                    gather(root(a, b, half), Across::Z, 0, &mut out);
+                    gather(root(a, b, half), SliceAxis::Z, 0, &mut out);
                 }
                 if high(b) < 0.0 {
                     return (out, Some(root(a, b, 0.0)));
@@ -114,7 +114,14 @@ impl Slices {
     ///
     /// A hill lifts every blade and turns none, so that a unit of the ray's length has the optical depth of the ray's
     /// own direction. The ray leaves the lawn earlier or later, as it rises over the ground.
-    pub fn arriving_on(&self, hill: &Hill, crossing: &Crossing, texel: &[f64; CHANNELS], d: DVec3, to: DVec3) -> f64 {
+    pub fn arriving_on(
+        &self,
+        hill: &Hill,
+        crossing: &SliceCrossing,
+        texel: &[f64; CHANNELS],
+        d: DVec3,
+        to: DVec3,
+    ) -> f64 {
         let own = [d, to].map(|v| hill.sheared(v, crossing.place.truncate()));
         self.arriving_past(crossing, texel, own, self.shares(to, own[1].z), 0.0)
     }
@@ -131,12 +138,12 @@ mod tests {
     use super::*;
     use crate::grass::blades::STEPS;
     use crate::grass::judge::towards;
-    use crate::grass::sheet::{Edges, Sheet};
+    use crate::grass::sheet::{CellEdges, SliceAtlas};
     use crate::grass::tests::{options, thin};
     use crate::grass::{baked, weights};
     use glam::DMat4;
     use mesophyll_files::mesh::LeafMesh;
-    use mesophyll_transport::rays::{Forest, Ray, Shape};
+    use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
 
     /// The share of the sun's light that reaches the ground of a steep slope, by rays past the blades themselves,
     /// each of which stands upright on the hill with its foot. No slice and no shear is in this computation. The
@@ -161,7 +168,8 @@ mod tests {
                 all.append(mesh, DMat4::from_translation(at.extend(rise(foot))) * leaf.transform);
             }
         }
-        let forest = Forest::new(vec![Shape::new(&all.positions, &all.indices)], &[(0, DMat4::IDENTITY)]);
+        let forest =
+            InstanceForest::new(vec![TriangleTree::new(&all.positions, &all.indices)], &[(0, DMat4::IDENTITY)]);
         let side = 64;
         let places: Vec<DVec2> = (0..side * side)
             .map(|k| {
@@ -205,14 +213,14 @@ mod tests {
         let mut texel = [0.0; CHANNELS];
         (texel[0], texel[13]) = (opacity, low * opacity);
         let mut slices = baked(&thin().1, &options());
-        slices.upright = Sheet::new([64, 32], 16, Edges::Upright, |_, _, _| [0.0; CHANNELS]);
-        slices.level = Some(Sheet::new([64, 64], 1, Edges::Level, |_, _, _| texel.map(|v| v as f32)));
-        slices.cover = Slices::covers(&slices.upright, slices.level.as_ref());
+        slices.upright = SliceAtlas::new([64, 32], 16, CellEdges::Upright, |_, _, _| [0.0; CHANNELS]);
+        slices.level = Some(SliceAtlas::new([64, 64], 1, CellEdges::Level, |_, _, _| texel.map(|v| v as f32)));
+        slices.cover = LawnSlices::covers(&slices.upright, slices.level.as_ref());
         slices.projection = std::array::from_fn(|k| 0.4 - 0.2 * k as f64 / STEPS as f64);
         slices.shown = [0.0, 0.3];
         let place = DVec3::new(0.0, 0.0, 0.5 * slices.height);
         assert!((hill.slope(DVec2::ZERO) - DVec2::new(0.6, 0.0)).length() < 1e-12);
-        let crossing = Crossing { t: 0.0, across: Across::Z, index: 0, place, lean: DVec2::ZERO };
+        let crossing = SliceCrossing { t: 0.0, across: SliceAxis::Z, index: 0, place, lean: DVec2::ZERO };
         for [elevation, azimuth] in [[45.0, 0.0], [45.0, 180.0], [70.0, 90.0], [50.0, 140.0]] {
             let sun = towards(elevation, azimuth);
             let rises = sun.z - 0.6 * sun.x;

@@ -1,8 +1,8 @@
 //! Measures the error of slices: the same rays go through the slices and through the blades, and the results are
 //! compared.
 
-use crate::grass::blades::Meadow;
-use crate::grass::march::{Crossing, Slices};
+use crate::grass::blades::LawnMeadow;
+use crate::grass::march::{LawnSlices, SliceCrossing};
 use crate::grass::sheet::CHANNELS;
 use glam::DVec3;
 use mesophyll_transport::rays::Ray;
@@ -18,7 +18,7 @@ pub const SUN: [f64; 2] = [45.0, 65.0];
 
 /// Means over the rays of one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Look {
+pub struct LawnAppearance {
     /// Share of the rays that blades stop.
     pub coverage: f64,
     /// Mean of ρd over the rays, for the sides that are seen; it is 0 where nothing is seen. This is the colour under
@@ -31,22 +31,22 @@ pub struct Look {
 
 /// The comparison for one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
+pub struct LawnComparison {
     /// Index in [`ELEVATIONS`].
     pub elevation: usize,
     /// Index in [`AZIMUTHS`].
     pub azimuth: usize,
     /// What the blades show.
-    pub blades: Look,
+    pub blades: LawnAppearance,
     /// What the slices show.
-    pub slices: Look,
+    pub slices: LawnAppearance,
     /// Opacity after the first 4 and after the first 16 slices of a ray, as shares of the opacity after all slices.
     pub first: [f64; 2],
 }
 
 /// The rays that the comparison uses.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rays {
+pub struct LawnRays {
     /// Number of points of entry along each side of the rectangle.
     pub side: usize,
     /// Level of detail of the sheets.
@@ -63,41 +63,49 @@ pub fn towards(elevation_deg: f64, azimuth_deg: f64) -> DVec3 {
 
 /// What the blades show in every direction of [`ELEVATIONS`] and [`AZIMUTHS`]. All azimuths of an elevation follow each
 /// other.
-pub fn blades(meadow: &Meadow, rays: Rays) -> Vec<Look> {
+pub fn blades(meadow: &LawnMeadow, rays: LawnRays) -> Vec<LawnAppearance> {
     directions()
         .map(|(e, a)| look(meadow.period, meadow.height, rays, towards(e, a), |o, d| of_blades(meadow, rays, o, d)))
         .collect()
 }
 
 /// Compares the slices with the result of [`blades`].
-pub fn judged(slices: &Slices, truth: &[Look], rays: Rays) -> Vec<Judged> {
+pub fn judged(slices: &LawnSlices, truth: &[LawnAppearance], rays: LawnRays) -> Vec<LawnComparison> {
     directions()
         .zip(truth)
         .enumerate()
         .map(|(k, ((e, a), truth))| {
             let gathered = |steps: usize, sunlit: bool| {
-                let rays = Rays { sunlit, ..rays };
+                let rays = LawnRays { sunlit, ..rays };
                 look(slices.period, slices.height, rays, towards(e, a), |o, d| of_slices(slices, rays, steps, o, d))
             };
             let all = gathered(usize::MAX, rays.sunlit);
             let first = [4, 16].map(|steps| gathered(steps, false).coverage / all.coverage.max(f64::MIN_POSITIVE));
             let (elevation, azimuth) = (k / AZIMUTHS.len(), k % AZIMUTHS.len());
-            Judged { elevation, azimuth, blades: *truth, slices: all, first }
+            LawnComparison { elevation, azimuth, blades: *truth, slices: all, first }
         })
         .collect()
 }
 
 /// Share of the rays from one direction that blades stop. `to` points to the eye.
-pub fn coverage_of_blades(meadow: &Meadow, rays: Rays, to: DVec3) -> f64 {
+pub fn coverage_of_blades(meadow: &LawnMeadow, rays: LawnRays, to: DVec3) -> f64 {
     let ground = meadow.height / to.z;
     let one = |o: DVec3, d: DVec3| f64::from(u8::from(meadow.blocked(&Ray::new(o, d), ground)));
-    look(meadow.period, meadow.height, rays, to, |o, d| Look { coverage: one(o, d), ..Look::default() }).coverage
+    look(meadow.period, meadow.height, rays, to, |o, d| LawnAppearance {
+        coverage: one(o, d),
+        ..LawnAppearance::default()
+    })
+    .coverage
 }
 
 /// Share of the light from one direction that slices stop.
-pub fn coverage_of_slices(slices: &Slices, rays: Rays, to: DVec3) -> f64 {
+pub fn coverage_of_slices(slices: &LawnSlices, rays: LawnRays, to: DVec3) -> f64 {
     let one = |o: DVec3, d: DVec3| slices.march(o, d, usize::MAX, rays.level, |_, _| [0.0; 3]).opacity;
-    look(slices.period, slices.height, rays, to, |o, d| Look { coverage: one(o, d), ..Look::default() }).coverage
+    look(slices.period, slices.height, rays, to, |o, d| LawnAppearance {
+        coverage: one(o, d),
+        ..LawnAppearance::default()
+    })
+    .coverage
 }
 
 fn directions() -> impl Iterator<Item = (f64, f64)> {
@@ -105,10 +113,16 @@ fn directions() -> impl Iterator<Item = (f64, f64)> {
 }
 
 /// The mean over points of entry on the carrier's surface. `to` points to the eye.
-fn look(period: [f64; 2], height: f64, rays: Rays, to: DVec3, one: impl Fn(DVec3, DVec3) -> Look + Sync) -> Look {
+fn look(
+    period: [f64; 2],
+    height: f64,
+    rays: LawnRays,
+    to: DVec3,
+    one: impl Fn(DVec3, DVec3) -> LawnAppearance + Sync,
+) -> LawnAppearance {
     let n = rays.side;
     let row = |j: usize| {
-        let mut sum = Look::default();
+        let mut sum = LawnAppearance::default();
         for i in 0..n {
             // Each square of a grid has a point at a place of its own (Weyl's sequences), so that the points cannot
             // form a pattern together with the slices.
@@ -124,20 +138,20 @@ fn look(period: [f64; 2], height: f64, rays: Rays, to: DVec3, one: impl Fn(DVec3
         }
         sum
     };
-    let rows: Vec<Look> = (0..n).into_par_iter().map(row).collect();
-    let mean = |of: &dyn Fn(&Look) -> f64| rows.iter().map(of).sum::<f64>() / (n * n) as f64;
-    Look {
+    let rows: Vec<LawnAppearance> = (0..n).into_par_iter().map(row).collect();
+    let mean = |of: &dyn Fn(&LawnAppearance) -> f64| rows.iter().map(of).sum::<f64>() / (n * n) as f64;
+    LawnAppearance {
         coverage: mean(&|r| r.coverage),
         colour: [0, 1, 2].map(|c: usize| mean(&|r| r.colour[c])),
         sunlit: [0, 1, 2].map(|c: usize| mean(&|r| r.sunlit[c])),
     }
 }
 
-pub(crate) fn of_blades(meadow: &Meadow, rays: Rays, origin: DVec3, d: DVec3) -> Look {
+pub(crate) fn of_blades(meadow: &LawnMeadow, rays: LawnRays, origin: DVec3, d: DVec3) -> LawnAppearance {
     let ground = -origin.z / d.z;
-    let Some(met) = meadow.nearest(&Ray::new(origin, d), ground) else { return Look::default() };
+    let Some(met) = meadow.nearest(&Ray::new(origin, d), ground) else { return LawnAppearance::default() };
     let [seen, _] = met.rho_d;
-    let mut out = Look { coverage: 1.0, colour: seen, sunlit: [0.0; 3] };
+    let mut out = LawnAppearance { coverage: 1.0, colour: seen, sunlit: [0.0; 3] };
     if rays.sunlit {
         let sun = towards(90.0 - SUN[0], SUN[1]);
         let cos = met.normal.dot(sun);
@@ -150,7 +164,7 @@ pub(crate) fn of_blades(meadow: &Meadow, rays: Rays, origin: DVec3, d: DVec3) ->
     out
 }
 
-pub(crate) fn of_slices(slices: &Slices, rays: Rays, steps: usize, origin: DVec3, d: DVec3) -> Look {
+pub(crate) fn of_slices(slices: &LawnSlices, rays: LawnRays, steps: usize, origin: DVec3, d: DVec3) -> LawnAppearance {
     let sun = towards(90.0 - SUN[0], SUN[1]);
     let mut sunlit = [0.0; 3];
     let mut left = 1.0;
@@ -162,7 +176,7 @@ pub(crate) fn of_slices(slices: &Slices, rays: Rays, steps: usize, origin: DVec3
         }
         seen(texel, d)
     });
-    Look { coverage: gathered.opacity, colour: gathered.colour, sunlit }
+    LawnAppearance { coverage: gathered.opacity, colour: gathered.colour, sunlit }
 }
 
 /// Whether a ray along `d` sees the side of the blades that the picture shows. The blades' normals decide, not the
@@ -181,8 +195,8 @@ pub fn seen(texel: &[f64; CHANNELS], d: DVec3) -> [f64; 3] {
 /// reflects where the side that is seen faces the sun, and transmits elsewhere. Other slices dim the sunlight on its
 /// way. `d` and `sun` are directions in the lawn as the wind leans it.
 pub fn lit(
-    slices: &Slices,
-    crossing: &Crossing,
+    slices: &LawnSlices,
+    crossing: &SliceCrossing,
     texel: &[f64; CHANNELS],
     d: DVec3,
     sun: DVec3,

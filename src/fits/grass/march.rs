@@ -8,8 +8,8 @@
 //! that of the blades in every direction in which slices can reach it.
 
 use crate::grass::blades::{STEPS, shown};
-use crate::grass::irregular::{SHIFTS, shifted};
-use crate::grass::sheet::{BYTES, CHANNELS, Sheet};
+use crate::grass::irregularity::{SHIFTS, shifted};
+use crate::grass::sheet::{BYTES, CHANNELS, SliceAtlas};
 use glam::{DVec2, DVec3};
 
 /// Below this share of light that is left, a ray counts as stopped.
@@ -17,7 +17,7 @@ const OPAQUE: f64 = 1e-4;
 
 /// A meadow as slices. Lengths are in mm. The rectangle lies around the origin, and the ground is at z = 0.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Slices {
+pub struct LawnSlices {
     /// The rectangle that repeats.
     pub period: [f64; 2],
     /// Height of the carrier over the ground.
@@ -34,9 +34,9 @@ pub struct Slices {
     /// level slice.
     pub cover: ([f64; STEPS + 1], f64),
     /// The upright slices: first those across x, then those across y.
-    pub upright: Sheet,
+    pub upright: SliceAtlas,
     /// The level slice at half the height, which is one cell.
-    pub level: Option<Sheet>,
+    pub level: Option<SliceAtlas>,
     /// Whether opacities are weighted by direction. If not, each slice counts in full.
     pub weighted: bool,
     /// The seed of an irregular lawn, whose rectangles are moved as [`shifted`] says. With `None`, all are alike.
@@ -45,7 +45,7 @@ pub struct Slices {
 
 /// The axis that a slice stands across.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Across {
+pub enum SliceAxis {
     /// An upright slice across x.
     X,
     /// An upright slice across y.
@@ -56,11 +56,11 @@ pub enum Across {
 
 /// Where a ray crosses a slice.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Crossing {
+pub struct SliceCrossing {
     /// Distance in lengths of the ray's direction.
     pub t: f64,
     /// The kind of slice.
-    pub across: Across,
+    pub across: SliceAxis,
     /// Number of the slice. The rectangle around the origin begins at 0, and the count goes on without end in both
     /// directions.
     pub index: i64,
@@ -70,7 +70,7 @@ pub struct Crossing {
     pub lean: DVec2,
 }
 
-impl Crossing {
+impl SliceCrossing {
     /// The same direction in the lawn without wind.
     pub fn unleant(&self, d: DVec3) -> DVec3 {
         unleant(d, self.lean)
@@ -89,7 +89,7 @@ pub fn unleant(v: DVec3, lean: DVec2) -> DVec3 {
 
 /// What a ray gathered on its way.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Gathered {
+pub struct LawnRadiance {
     /// Share of the light that is stopped.
     pub opacity: f64,
     /// Sum of the requested colour, each weighted by the share of light that still arrives from there.
@@ -100,7 +100,7 @@ pub struct Gathered {
     pub steps: usize,
 }
 
-impl Slices {
+impl LawnSlices {
     /// The shares of opacity that count for a ray along `d`: for upright slices, and for the level one.
     ///
     /// Let u be the area of blades in a unit of volume, and P(|Ω_z|) the share of it that a direction Ω sees. Then
@@ -135,22 +135,22 @@ impl Slices {
         [w, share(wanted - w * upright, level)]
     }
 
-    fn cover(&self, across: Across, height: f64) -> f64 {
-        if across == Across::Z { self.cover.1 } else { shown(&self.cover.0, height) }
+    fn cover(&self, across: SliceAxis, height: f64) -> f64 {
+        if across == SliceAxis::Z { self.cover.1 } else { shown(&self.cover.0, height) }
     }
 
     /// The share of its opacity that a slice has where the share `weight` of its optical depth counts. Blades are
     /// opaque, so a single texel has an infinite optical depth, of which no share can be taken. The mean opacity a of a
     /// row of texels gives a finite one: (1 − a)^w = 1 − c a, and all texels of the row get the share c.
-    fn share(&self, across: Across, height: f64, weight: f64) -> f64 {
+    fn share(&self, across: SliceAxis, height: f64, weight: f64) -> f64 {
         let cover = self.cover(across, height);
         if cover > 0.0 { (1.0 - (1.0 - cover).powf(weight)) / cover } else { weight }
     }
 
     /// The slices that a ray crosses between the ground and the carrier, closest first. The origin lies within the
     /// layer. Where it lies on a slice, `from` names this slice, and the crossings begin after it.
-    pub fn crossings(&self, origin: DVec3, d: DVec3, from: Option<(Across, i64)>) -> Crossings<'_> {
-        let axis = |k: usize, across: Across| {
+    pub fn crossings(&self, origin: DVec3, d: DVec3, from: Option<(SliceAxis, i64)>) -> SliceCrossings<'_> {
+        let axis = |k: usize, across: SliceAxis| {
             let step = self.period[k] / self.count as f64;
             // The plane with the number j lies (j + 1/2) steps from the rectangle's edge.
             let x = (origin[k] + 0.5 * self.period[k]) / step - 0.5;
@@ -166,21 +166,21 @@ impl Slices {
             _ => f64::INFINITY,
         };
         let half = (0.5 * self.height - origin.z) / d.z;
-        let on_it = matches!(from, Some((Across::Z, _)));
+        let on_it = matches!(from, Some((SliceAxis::Z, _)));
         let level = (self.level.is_some() && half > 0.0 && half.is_finite() && !on_it).then_some(half);
-        Crossings { slices: self, origin, d, next: [axis(0, Across::X), axis(1, Across::Y)], level, end }
+        SliceCrossings { slices: self, origin, d, next: [axis(0, SliceAxis::X), axis(1, SliceAxis::Y)], level, end }
     }
 
     /// The texel of a slice where a ray crosses it. Its opacity, the first number, is weighted as `weights` says, and
     /// the other numbers with it. `level` is the sheets' level of detail.
-    pub fn texel(&self, crossing: &Crossing, weights: [f64; 2], level: f64) -> [f64; CHANNELS] {
+    pub fn texel(&self, crossing: &SliceCrossing, weights: [f64; 2], level: f64) -> [f64; CHANNELS] {
         let mut share = [0, 1].map(|k| crossing.place[k] / self.period[k] + 0.5);
         let height = crossing.place.z / self.height;
         let mut index = crossing.index;
         if let Some(seed) = self.irregular {
             // A slice is in the rectangle that its number says, and in the one where it is crossed along its length.
             let mut rectangle = share.map(|s| s.floor() as i64);
-            if crossing.across != Across::Z {
+            if crossing.across != SliceAxis::Z {
                 rectangle[crossing.across as usize] = index.div_euclid(self.count as i64);
             }
             let moved = shifted(seed, rectangle);
@@ -190,10 +190,10 @@ impl Slices {
         }
         let cell = index.rem_euclid(self.count as i64) as usize;
         let (found, weight) = match (crossing.across, &self.level) {
-            (Across::X, _) => (self.upright.at(cell, [share[1], height], level), weights[0]),
-            (Across::Y, _) => (self.upright.at(self.count + cell, [share[0], height], level), weights[0]),
-            (Across::Z, Some(sheet)) => (sheet.at(0, [share[0], share[1].rem_euclid(1.0)], level), weights[1]),
-            (Across::Z, None) => ([0.0; CHANNELS], 0.0),
+            (SliceAxis::X, _) => (self.upright.at(cell, [share[1], height], level), weights[0]),
+            (SliceAxis::Y, _) => (self.upright.at(self.count + cell, [share[0], height], level), weights[0]),
+            (SliceAxis::Z, Some(sheet)) => (sheet.at(0, [share[0], share[1].rem_euclid(1.0)], level), weights[1]),
+            (SliceAxis::Z, None) => ([0.0; CHANNELS], 0.0),
         };
         if weight == 1.0 {
             return found;
@@ -210,8 +210,8 @@ impl Slices {
         d: DVec3,
         steps: usize,
         level: f64,
-        colour: impl FnMut(&Crossing, &[f64; CHANNELS]) -> [f64; 3],
-    ) -> Gathered {
+        colour: impl FnMut(&SliceCrossing, &[f64; CHANNELS]) -> [f64; 3],
+    ) -> LawnRadiance {
         self.march_leaning(origin, d, steps, level, |_| DVec2::ZERO, colour)
     }
 
@@ -227,12 +227,12 @@ impl Slices {
         steps: usize,
         level: f64,
         lean: impl Fn(DVec2) -> DVec2,
-        mut colour: impl FnMut(&Crossing, &[f64; CHANNELS]) -> [f64; 3],
-    ) -> Gathered {
+        mut colour: impl FnMut(&SliceCrossing, &[f64; CHANNELS]) -> [f64; 3],
+    ) -> LawnRadiance {
         let first = lean(origin.truncate());
         let (from, along) = (unleant(origin, first), unleant(d, first));
         let weights = self.weights(along);
-        let mut out = Gathered::default();
+        let mut out = LawnRadiance::default();
         for mut crossing in self.crossings(from, along, None).take(steps) {
             crossing.lean = lean((origin + d * crossing.t).truncate());
             let shift = (crossing.lean - first) * crossing.place.z;
@@ -263,7 +263,7 @@ impl Slices {
     /// and the side that the ray sees. Behind it, blades are in the way of light from behind, and their number is the
     /// mean of the slab. The slab of the level slice is the whole layer. There the space before the blade is known to
     /// be empty towards the eye only. Towards another direction it holds the mean number of blades.
-    pub fn arriving(&self, crossing: &Crossing, texel: &[f64; CHANNELS], d: DVec3, to: DVec3, level: f64) -> f64 {
+    pub fn arriving(&self, crossing: &SliceCrossing, texel: &[f64; CHANNELS], d: DVec3, to: DVec3, level: f64) -> f64 {
         self.arriving_past(crossing, texel, [d, to], self.weights(to), level)
     }
 
@@ -271,7 +271,7 @@ impl Slices {
     /// are the shares of the slices that count on the way to the light.
     pub(crate) fn arriving_past(
         &self,
-        crossing: &Crossing,
+        crossing: &SliceCrossing,
         texel: &[f64; CHANNELS],
         [d, to]: [DVec3; 2],
         weights: [f64; 2],
@@ -282,7 +282,7 @@ impl Slices {
         }
         let axis = crossing.across as usize;
         let [thick, weight] = match crossing.across {
-            Across::Z => [self.height, weights[1]],
+            SliceAxis::Z => [self.height, weights[1]],
             _ => [self.period[axis] / self.count as f64, weights[0]],
         };
         // Distance to the side that is seen, as a share of the slab. Pictures are taken from the first side.
@@ -292,7 +292,7 @@ impl Slices {
         let mut left = 1.0;
         let passed = match crossing.across {
             _ if d[axis] * to[axis] > 0.0 => 1.0 - behind,
-            Across::Z => behind,
+            SliceAxis::Z => behind,
             _ => 0.0,
         };
         if passed > 0.0 {
@@ -307,7 +307,7 @@ impl Slices {
         &self,
         place: DVec3,
         to: DVec3,
-        from: Option<(Across, i64)>,
+        from: Option<(SliceAxis, i64)>,
         weights: [f64; 2],
         level: f64,
     ) -> f64 {
@@ -322,28 +322,28 @@ impl Slices {
     }
 
     /// The mean opacities of the sheets, as [`Slices::cover`] holds them.
-    pub fn covers(upright: &Sheet, level: Option<&Sheet>) -> ([f64; STEPS + 1], f64) {
-        let mean = |sheet: &Sheet, v: f64| {
+    pub fn covers(upright: &SliceAtlas, level: Option<&SliceAtlas>) -> ([f64; STEPS + 1], f64) {
+        let mean = |sheet: &SliceAtlas, v: f64| {
             let w = sheet.cell[0];
             let at = |k: usize| sheet.at(k / w, [((k % w) as f64 + 0.5) / w as f64, v], 0.0)[0];
             (0..w * sheet.cells).map(at).sum::<f64>() / (w * sheet.cells) as f64
         };
         let height = |k: usize| k as f64 / STEPS as f64;
         let rows = level.map_or(1, |sheet| sheet.cell[1]);
-        let all = |sheet: &Sheet| (0..rows).map(|r| mean(sheet, (r as f64 + 0.5) / rows as f64)).sum::<f64>();
+        let all = |sheet: &SliceAtlas| (0..rows).map(|r| mean(sheet, (r as f64 + 0.5) / rows as f64)).sum::<f64>();
         (std::array::from_fn(|k| mean(upright, height(k))), level.map_or(0.0, all) / rows as f64)
     }
 
     /// Bytes of all sheets on a graphics adapter, with four layers of four half floats each.
     pub fn bytes(&self) -> usize {
-        BYTES * (self.upright.texels() + self.level.as_ref().map_or(0, Sheet::texels))
+        BYTES * (self.upright.texels() + self.level.as_ref().map_or(0, SliceAtlas::texels))
     }
 }
 
 /// See [`Slices::crossings`].
 #[derive(Debug, Clone)]
-pub struct Crossings<'a> {
-    slices: &'a Slices,
+pub struct SliceCrossings<'a> {
+    slices: &'a LawnSlices,
     origin: DVec3,
     d: DVec3,
     next: [i64; 2],
@@ -351,10 +351,10 @@ pub struct Crossings<'a> {
     end: f64,
 }
 
-impl Iterator for Crossings<'_> {
-    type Item = Crossing;
+impl Iterator for SliceCrossings<'_> {
+    type Item = SliceCrossing;
 
-    fn next(&mut self) -> Option<Crossing> {
+    fn next(&mut self) -> Option<SliceCrossing> {
         let s = self.slices;
         let along = |k: usize| {
             let step = s.period[k] / s.count as f64;
@@ -364,27 +364,27 @@ impl Iterator for Crossings<'_> {
         let [x, y] = [along(0), along(1)];
         let z = self.level.unwrap_or(f64::INFINITY);
         let (t, across) = if z < x.min(y) {
-            (z, Across::Z)
+            (z, SliceAxis::Z)
         } else if x <= y {
-            (x, Across::X)
+            (x, SliceAxis::X)
         } else {
-            (y, Across::Y)
+            (y, SliceAxis::Y)
         };
         if !(t < self.end && t.is_finite()) {
             return None;
         }
         let index = match across {
-            Across::Z => {
+            SliceAxis::Z => {
                 self.level = None;
                 0
             }
             _ => {
-                let k = usize::from(across == Across::Y);
+                let k = usize::from(across == SliceAxis::Y);
                 let now = self.next[k];
                 self.next[k] += self.d[k].signum() as i64;
                 now
             }
         };
-        Some(Crossing { t, across, index, place: self.origin + self.d * t, lean: DVec2::ZERO })
+        Some(SliceCrossing { t, across, index, place: self.origin + self.d * t, lean: DVec2::ZERO })
     }
 }

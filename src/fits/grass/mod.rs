@@ -11,10 +11,10 @@
 
 #![warn(missing_docs)]
 
-pub mod bake;
+pub mod baking;
 pub mod blades;
 pub mod hill;
-pub mod irregular;
+pub mod irregularity;
 pub mod judge;
 pub mod march;
 pub mod optics;
@@ -22,7 +22,7 @@ mod picture;
 pub mod sheet;
 #[cfg(test)]
 mod tests;
-pub mod through;
+pub mod transmittance;
 pub mod weights;
 
 pub(crate) use mesophyll_base::error::{Error, Result};
@@ -31,17 +31,17 @@ pub mod folder;
 pub use folder::{LEVEL, UPRIGHT, open};
 
 use crate::record::FitKind;
-use crate::record::maker::{self, Maker, Outcome};
-use bake::Slab;
-use blades::{Meadow, STEPS};
-use judge::Rays;
-use march::Slices;
+use crate::record::maker::{self, FitMaker, FitOutcome};
+use baking::SliceSlab;
+use blades::{LawnMeadow, STEPS};
+use judge::LawnRays;
+use march::LawnSlices;
 use mesophyll_files::image::{Packing, write_exr};
-use mesophyll_files::{atomic, hash, memory, progress, whole};
-use mesophyll_plants::{file, form::Plant, grow};
+use mesophyll_files::{atomic, hash, memory, progress, whole_file};
+use mesophyll_plants::{file, form::Plant, growth};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use sheet::{CHANNELS, Edges, Sheet, Texel};
+use sheet::{CHANNELS, CellEdges, SliceAtlas, SliceTexel};
 use std::path::{Path, PathBuf};
 
 /// The options of a fit.
@@ -95,7 +95,7 @@ const PART: &str = "pictures of up to 8 slabs under one another, without borders
 const MOST_TEXELS: usize = 1 << 25;
 /// Bytes for each texel while a fit is made: the pictures, the sheet with its coarser levels, and the numbers of a file
 /// that is being written.
-const BYTES_A_TEXEL: usize = 4 * size_of::<Texel>();
+const BYTES_A_TEXEL: usize = 4 * size_of::<SliceTexel>();
 
 /// Reads a meadow from its description, or from the file that `grow` makes of the description.
 ///
@@ -103,7 +103,7 @@ const BYTES_A_TEXEL: usize = 4 * size_of::<Texel>();
 /// [`Error::Input`] for a file that cannot be read or that describes no plant.
 pub fn plant(path: &Path) -> Result<Plant> {
     let described = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    if described { grow::described(path, None) } else { file::read(path) }
+    if described { growth::described(path, None) } else { file::read(path) }
 }
 
 /// Fits slices to the meadow in the file `input` (.toml or .glb) and writes them into the folder `out`.
@@ -111,15 +111,15 @@ pub fn plant(path: &Path) -> Result<Plant> {
 /// # Errors
 /// Those of [`plant`], [`optics::read`], [`Meadow::new`] and [`maker::make`]; [`Error::Interrupted`] after a stop, when
 /// finished parts are kept.
-pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
+pub fn run(input: &Path, out: &Path, options: &Options) -> Result<FitOutcome> {
     let (path, options) = (input.to_path_buf(), options.clone());
     maker::make(FitKind::Grass, out, &[input], move |maker| fit(&path, &options, maker))
 }
 
-fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+fn fit(path: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutcome> {
     let leaves = optics::read(options.leaves.as_deref())?;
     let told_leaves = optics::told(options.leaves.as_deref())?;
-    let bytes = whole::bytes(path, whole::MOST_DATA)?;
+    let bytes = whole_file::bytes(path, whole_file::MOST_DATA)?;
     let plant = maker.phase("grow", || plant(path))?;
     let Options { slices: n, texels, level, rays, entries, .. } = options;
     let told = format!("{n} {texels:?} {level} {rays} {entries}");
@@ -127,7 +127,7 @@ fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let input =
         [("method", METHOD), ("meadow", meadow_hash.as_str()), ("leaves", optics.as_str()), ("options", told.as_str())];
     let input_hash = maker::input_hash(input);
-    let meadow = maker.phase("box tree", || Meadow::new(path, &plant, &leaves))?;
+    let meadow = maker.phase("box tree", || LawnMeadow::new(path, &plant, &leaves))?;
     let [w, h] = *texels;
     let count = counted(options, meadow.period)
         .map_err(|told| Error::Usage(format!("--slices {n} with --texels {w}x{h} makes {told}")))?;
@@ -142,7 +142,7 @@ fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     slices.projection = std::array::from_fn(|k| known.get(k).map_or(meadow.projection[k], |known| known.value));
     maker.times.phase("weights", start);
     let start = std::time::Instant::now();
-    let rays = Rays { side: options.entries, level: 0.0, sunlit: true };
+    let rays = LawnRays { side: options.entries, level: 0.0, sunlit: true };
     let make = |_: &Path| Ok(Table { judged: judge::judged(&slices, &judge::blades(&meadow, rays), rays) });
     let (Table { judged }, ..) = part(maker, "judged", make, |_, _| Ok(()))?;
     maker.times.phase("judge", start);
@@ -154,7 +154,7 @@ fn fit(path: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         picture::write(&out.join(VIEW), &meadow, &slices)?;
     }
     maker.finish(&record)?;
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }
 
 /// What a finished part records beside its pictures.
@@ -166,19 +166,19 @@ struct Part {
 /// The part with the result of [`weights::fit`], one entry for each step of |Ω_z|.
 #[derive(Debug, Serialize, Deserialize)]
 struct Weights {
-    known: Vec<weights::Known>,
+    known: Vec<weights::LawnProjection>,
 }
 
 /// The part with the result of [`judge::judged`].
 #[derive(Debug, Serialize, Deserialize)]
 struct Table {
-    judged: Vec<judge::Judged>,
+    judged: Vec<judge::LawnComparison>,
 }
 
 /// As [`Maker::part`], and also tells whether the part was kept from a run that was stopped. A kept part that `whole`
 /// finds incomplete is removed and made again; the other parts stay.
 fn part<T: Serialize + DeserializeOwned, W>(
-    maker: &mut Maker,
+    maker: &mut FitMaker,
     name: &str,
     mut make: impl FnMut(&Path) -> Result<T>,
     whole: impl Fn(&Path, &T) -> Result<W>,
@@ -242,21 +242,21 @@ pub fn bytes(options: &Options, period: [f64; 2]) -> usize {
 }
 
 /// Takes all pictures, part by part.
-fn slices(meadow: &Meadow, options: &Options, maker: &mut Maker) -> Result<Slices> {
+fn slices(meadow: &LawnMeadow, options: &Options, maker: &mut FitMaker) -> Result<LawnSlices> {
     let n = options.slices;
     let cell = options.texels;
     let square = level_cell(meadow.period, options);
-    let slabs: Vec<Slab> = (0..n).map(|k| Slab::X(k, n)).chain((0..n).map(|k| Slab::Y(k, n))).collect();
-    let bar = progress::Bar::new("slices", slabs.len() as u64 + u64::from(options.level));
+    let slabs: Vec<SliceSlab> = (0..n).map(|k| SliceSlab::X(k, n)).chain((0..n).map(|k| SliceSlab::Y(k, n))).collect();
+    let bar = progress::TaskProgress::new("slices", slabs.len() as u64 + u64::from(options.level));
     let start = std::time::Instant::now();
     let mut pictures = Vec::new();
-    let mut parts: Vec<Vec<Slab>> = slabs.chunks(SLICES_A_PART).map(<[Slab]>::to_vec).collect();
+    let mut parts: Vec<Vec<SliceSlab>> = slabs.chunks(SLICES_A_PART).map(<[SliceSlab]>::to_vec).collect();
     if options.level {
-        parts.push(vec![Slab::Z]);
+        parts.push(vec![SliceSlab::Z]);
     }
     for (k, slabs) in parts.iter().enumerate() {
         let name = format!("part-{k}");
-        let size = if slabs[0] == Slab::Z { square } else { cell };
+        let size = if slabs[0] == SliceSlab::Z { square } else { cell };
         let make = |folder: &Path| {
             let mut texels = Vec::new();
             for slab in slabs {
@@ -271,7 +271,7 @@ fn slices(meadow: &Meadow, options: &Options, maker: &mut Maker) -> Result<Slice
             sheet::texels(&folder.join(format!("{name}.exr")), size[0], size[1] * part.slabs)
         };
         let (_, texels, kept) = part(maker, &name, make, whole)?;
-        pictures.extend(texels.chunks(size[0] * size[1]).map(<[Texel]>::to_vec));
+        pictures.extend(texels.chunks(size[0] * size[1]).map(<[SliceTexel]>::to_vec));
         if kept {
             bar.advance(slabs.len() as u64);
         }
@@ -281,21 +281,21 @@ fn slices(meadow: &Meadow, options: &Options, maker: &mut Maker) -> Result<Slice
 }
 
 /// Puts pictures together into slices. They are in the order of their slabs: across x, across y, then the level one.
-fn assembled(meadow: &Meadow, options: &Options, pictures: &[Vec<Texel>]) -> Slices {
+fn assembled(meadow: &LawnMeadow, options: &Options, pictures: &[Vec<SliceTexel>]) -> LawnSlices {
     let n = options.slices;
     let at = |size: [usize; 2]| {
         move |k: usize, x: usize, y: usize| pictures.get(k).map_or([0.0; CHANNELS], |p| p[y * size[0] + x])
     };
     let square = level_cell(meadow.period, options);
-    let level = options.level.then(|| Sheet::new(square, 1, Edges::Level, |_, x, y| at(square)(2 * n, x, y)));
-    let upright = Sheet::new(options.texels, 2 * n, Edges::Upright, at(options.texels));
-    Slices {
+    let level = options.level.then(|| SliceAtlas::new(square, 1, CellEdges::Level, |_, x, y| at(square)(2 * n, x, y)));
+    let upright = SliceAtlas::new(options.texels, 2 * n, CellEdges::Upright, at(options.texels));
+    LawnSlices {
         period: meadow.period,
         height: meadow.height,
         count: n,
         projection: meadow.projection,
         shown: [meadow.projection[0], meadow.projection[STEPS]],
-        cover: Slices::covers(&upright, level.as_ref()),
+        cover: LawnSlices::covers(&upright, level.as_ref()),
         upright,
         level,
         weighted: true,
@@ -304,12 +304,12 @@ fn assembled(meadow: &Meadow, options: &Options, pictures: &[Vec<Texel>]) -> Sli
 }
 
 /// Takes all pictures of a meadow at once, without a folder.
-pub fn baked(meadow: &Meadow, options: &Options) -> Slices {
+pub fn baked(meadow: &LawnMeadow, options: &Options) -> LawnSlices {
     let n = options.slices;
-    let upright = (0..n).map(|k| Slab::X(k, n)).chain((0..n).map(|k| Slab::Y(k, n)));
-    let mut pictures: Vec<Vec<Texel>> = upright.map(|s| s.picture(meadow, options.texels, options.rays)).collect();
+    let upright = (0..n).map(|k| SliceSlab::X(k, n)).chain((0..n).map(|k| SliceSlab::Y(k, n)));
+    let mut pictures: Vec<Vec<SliceTexel>> = upright.map(|s| s.picture(meadow, options.texels, options.rays)).collect();
     if options.level {
-        pictures.push(Slab::Z.picture(meadow, level_cell(meadow.period, options), options.rays));
+        pictures.push(SliceSlab::Z.picture(meadow, level_cell(meadow.period, options), options.rays));
     }
     assembled(meadow, options, &pictures)
 }

@@ -2,7 +2,7 @@
 //! `data/grass/optics/leaves.toml`).
 
 use crate::grass::{Error, Result};
-use mesophyll_files::{hash, whole};
+use mesophyll_files::{hash, whole_file};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,7 +21,7 @@ pub struct Optics {
 }
 
 /// The optics of each material, by its name.
-pub type Leaves = BTreeMap<String, Optics>;
+pub type LawnMaterials = BTreeMap<String, Optics>;
 
 /// The text by which a record names the table in `path`: its name and its hash.
 ///
@@ -37,12 +37,12 @@ pub fn told(path: Option<&Path>) -> Result<String> {
 ///
 /// # Errors
 /// [`Error::Input`] for a table that cannot be read, or for a share that is negative or larger than 1.
-pub fn read(path: Option<&Path>) -> Result<Leaves> {
+pub fn read(path: Option<&Path>) -> Result<LawnMaterials> {
     let (path, text) = match path {
-        Some(path) => (path, whole::text(path)?),
+        Some(path) => (path, whole_file::text(path)?),
         None => (Path::new("data/grass/optics/leaves.toml"), STATED.to_string()),
     };
-    let leaves: Leaves = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
+    let leaves: LawnMaterials = toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))?;
     for (name, leaf) in &leaves {
         for (side, rho_d) in ["front", "back"].into_iter().zip(leaf.rho_d) {
             for c in 0..3 {

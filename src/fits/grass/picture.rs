@@ -1,9 +1,9 @@
 //! A picture of the meadow, drawn from its blades and from its slices, for people to look at.
 
 use crate::grass::Result;
-use crate::grass::blades::Meadow;
-use crate::grass::judge::{Look, Rays, of_blades, of_slices, towards};
-use crate::grass::march::Slices;
+use crate::grass::blades::LawnMeadow;
+use crate::grass::judge::{LawnAppearance, LawnRays, of_blades, of_slices, towards};
+use crate::grass::march::LawnSlices;
 use glam::DVec3;
 use mesophyll_files::image::{to_srgb8, write_png};
 use rayon::prelude::*;
@@ -26,13 +26,13 @@ const GAP: usize = 6;
 ///
 /// # Errors
 /// [`crate::grass::Error::Write`] where the file cannot be written.
-pub fn write(path: &Path, meadow: &Meadow, slices: &Slices) -> Result<()> {
+pub fn write(path: &Path, meadow: &LawnMeadow, slices: &LawnSlices) -> Result<()> {
     let blades = view(meadow, RAYS[0], |rays, o, d| of_blades(meadow, rays, o, d));
     let other = view(meadow, RAYS[1], |rays, o, d| {
         // As in a shader, the level follows from the size of the sheet's texel and the size of the pixel on the slice.
         let texel = slices.period[0] / slices.upright.cell[0] as f64;
         let level = (rays.level / texel).log2().max(0.0);
-        of_slices(slices, Rays { level, ..rays }, usize::MAX, o, d)
+        of_slices(slices, LawnRays { level, ..rays }, usize::MAX, o, d)
     });
     let gap = vec![255; 3 * GAP * SIZE[0]];
     write_png(path, SIZE[0], 2 * SIZE[1] + GAP, &[blades, gap, other].concat())
@@ -40,7 +40,7 @@ pub fn write(path: &Path, meadow: &Meadow, slices: &Slices) -> Result<()> {
 
 /// Draws one view with `side` rays along each side of a pixel. `look` gets the width that a ray represents (mm) as its
 /// level.
-fn view(meadow: &Meadow, side: usize, look: impl Fn(Rays, DVec3, DVec3) -> Look + Sync) -> Vec<u8> {
+fn view(meadow: &LawnMeadow, side: usize, look: impl Fn(LawnRays, DVec3, DVec3) -> LawnAppearance + Sync) -> Vec<u8> {
     let [w, h] = SIZE;
     let back = towards(25.0, 250.0);
     let far = 0.9 * meadow.period[0] + 2.0 * meadow.height;
@@ -55,7 +55,7 @@ fn view(meadow: &Meadow, side: usize, look: impl Fn(Rays, DVec3, DVec3) -> Look 
             let y = ((k / w) * side + i / side) as f64 + 0.5 - 0.5 * (h * side) as f64;
             let d = (right * (x * size) - up * (y * size) - back).normalize();
             let t = (meadow.height - eye.z) / d.z;
-            let seen = look(Rays { side, level: t * size, sunlit: true }, eye + d * t, d);
+            let seen = look(LawnRays { side, level: t * size, sunlit: true }, eye + d * t, d);
             for c in 0..3 {
                 sum[c] += seen.sunlit[c] + SKY * (seen.colour[c] + (1.0 - seen.coverage) * GROUND[c]);
             }

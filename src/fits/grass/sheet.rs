@@ -6,7 +6,7 @@
 //! finer one.
 
 use crate::grass::{Error, Result};
-use mesophyll_files::image::{Maps, Packing, read_exr, to_srgb8, write_exr, write_png};
+use mesophyll_files::image::{ChannelMaps, Packing, read_exr, to_srgb8, write_exr, write_png};
 use std::path::Path;
 
 /// Bytes of a texel on a graphics adapter: 16 half floats.
@@ -38,11 +38,11 @@ const LEVELS: u32 = 4;
 pub const LINE: usize = 8;
 
 /// What a slice holds at one place: shares of the area. Every value except the opacity is multiplied by it.
-pub type Texel = [f32; CHANNELS];
+pub type SliceTexel = [f32; CHANNELS];
 
 /// What lies beyond the lower and the upper edge of a cell. Beyond its left and right edges a cell repeats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Edges {
+pub enum CellEdges {
     /// Below the cell, the row at the ground continues. Above it there is nothing.
     Upright,
     /// The cell repeats.
@@ -51,7 +51,7 @@ pub enum Edges {
 
 /// Cells with borders, and coarser levels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sheet {
+pub struct SliceAtlas {
     /// Texels of a cell along its length and its height, without the border.
     pub cell: [usize; 2],
     /// Texels of the border on each side.
@@ -59,18 +59,18 @@ pub struct Sheet {
     /// Number of cells.
     pub cells: usize,
     /// The levels, the finest first.
-    pub levels: Vec<Level>,
+    pub levels: Vec<AtlasLevel>,
 }
 
 /// A level of a sheet.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Level {
+pub struct AtlasLevel {
     /// Number of texels in a row.
     pub width: usize,
     /// Number of rows. The first row is the top one.
     pub height: usize,
     /// The texels, row by row.
-    pub texels: Vec<Texel>,
+    pub texels: Vec<SliceTexel>,
 }
 
 /// Number of levels that cells of this size have.
@@ -85,10 +85,15 @@ pub(crate) fn area(cell: [usize; 2], cells: usize) -> usize {
     (0..levels(cell)).map(|k| fine >> (2 * k)).sum()
 }
 
-impl Sheet {
+impl SliceAtlas {
     /// Makes a sheet of cells. `at(cell, column, row)` gives the texels of each cell, the top row first. The sides of
     /// `cell` are powers of two.
-    pub fn new(cell: [usize; 2], cells: usize, edges: Edges, at: impl Fn(usize, usize, usize) -> Texel) -> Sheet {
+    pub fn new(
+        cell: [usize; 2],
+        cells: usize,
+        edges: CellEdges,
+        at: impl Fn(usize, usize, usize) -> SliceTexel,
+    ) -> SliceAtlas {
         let [w, h] = cell;
         let border = 1 << (levels(cell) - 1);
         let pitch = [w + 2 * border, h + 2 * border];
@@ -101,18 +106,18 @@ impl Sheet {
                     // Adding w keeps the difference positive, because borders are at most as wide as a cell.
                     let x = (column + w - border) % w;
                     let y = match edges {
-                        Edges::Level => Some((row + h - border) % h),
-                        Edges::Upright if row < border => None,
-                        Edges::Upright => Some((row - border).min(h - 1)),
+                        CellEdges::Level => Some((row + h - border) % h),
+                        CellEdges::Upright if row < border => None,
+                        CellEdges::Upright => Some((row - border).min(h - 1)),
                     };
                     let place = ((k / LINE) * pitch[1] + row) * width + (k % LINE) * pitch[0] + column;
                     texels[place] = y.map_or([0.0; CHANNELS], |y| at(k, x, y));
                 }
             }
         }
-        let mut sheet = Sheet { cell, border, cells, levels: vec![Level { width, height, texels }] };
+        let mut sheet = SliceAtlas { cell, border, cells, levels: vec![AtlasLevel { width, height, texels }] };
         for _ in 1..levels(cell) {
-            sheet.levels.extend(sheet.levels.last().map(Level::halved));
+            sheet.levels.extend(sheet.levels.last().map(AtlasLevel::halved));
         }
         sheet
     }
@@ -169,12 +174,13 @@ impl Sheet {
     ///
     /// # Errors
     /// [`Error::Input`] for a file that cannot be read or that is of another size.
-    pub fn read(path: &Path, cell: [usize; 2], cells: usize) -> Result<Sheet> {
-        let empty = Sheet::new(cell, cells, Edges::Level, |_, _, _| [0.0; CHANNELS]);
-        let Level { width, height, .. } = empty.levels[0];
-        let mut sheet = Sheet { levels: vec![Level { width, height, texels: texels(path, width, height)? }], ..empty };
+    pub fn read(path: &Path, cell: [usize; 2], cells: usize) -> Result<SliceAtlas> {
+        let empty = SliceAtlas::new(cell, cells, CellEdges::Level, |_, _, _| [0.0; CHANNELS]);
+        let AtlasLevel { width, height, .. } = empty.levels[0];
+        let mut sheet =
+            SliceAtlas { levels: vec![AtlasLevel { width, height, texels: texels(path, width, height)? }], ..empty };
         for _ in 1..levels(cell) {
-            sheet.levels.extend(sheet.levels.last().map(Level::halved));
+            sheet.levels.extend(sheet.levels.last().map(AtlasLevel::halved));
         }
         Ok(sheet)
     }
@@ -183,7 +189,7 @@ impl Sheet {
     /// ρd that becomes white.
     pub fn preview(&self, path: &Path, white: f32) -> Result<()> {
         let level = &self.levels[0];
-        let seen = |t: &Texel| {
+        let seen = |t: &SliceTexel| {
             let of = |c: usize| if t[0] > 0.0 { to_srgb8(t[c] / (t[0] * white)) } else { 0 };
             [of(1), of(2), of(3), (255.0 * t[0] + 0.5) as u8]
         };
@@ -192,9 +198,9 @@ impl Sheet {
     }
 }
 
-impl Level {
+impl AtlasLevel {
     /// The next coarser level, by means of two by two texels.
-    fn halved(&self) -> Level {
+    fn halved(&self) -> AtlasLevel {
         let (width, height) = (self.width / 2, self.height / 2);
         let mean = |k: usize| {
             let (x, y) = (2 * (k % width), 2 * (k / width));
@@ -202,13 +208,13 @@ impl Level {
             let four = [of(0, 0), of(1, 0), of(0, 1), of(1, 1)];
             std::array::from_fn(|c| 0.25 * four.iter().map(|t| t[c]).sum::<f32>())
         };
-        Level { width, height, texels: (0..width * height).map(mean).collect() }
+        AtlasLevel { width, height, texels: (0..width * height).map(mean).collect() }
     }
 }
 
 /// The texels as named channels.
-pub(crate) fn maps(width: usize, texels: &[Texel]) -> Maps {
-    let mut maps = Maps::new(width, texels.len() / width.max(1));
+pub(crate) fn maps(width: usize, texels: &[SliceTexel]) -> ChannelMaps {
+    let mut maps = ChannelMaps::new(width, texels.len() / width.max(1));
     for (c, name) in NAMES.into_iter().enumerate() {
         maps.push(name, texels.iter().map(|t| t[c]).collect());
     }
@@ -219,14 +225,14 @@ pub(crate) fn maps(width: usize, texels: &[Texel]) -> Maps {
 ///
 /// # Errors
 /// [`Error::Input`] for a file that cannot be read, of another size, or with numbers that are not finite.
-pub(crate) fn texels(path: &Path, width: usize, height: usize) -> Result<Vec<Texel>> {
+pub(crate) fn texels(path: &Path, width: usize, height: usize) -> Result<Vec<SliceTexel>> {
     let maps = read_exr(path)?;
     if (maps.width, maps.height) != (width, height) {
         let found = format!("{}x{} texels", maps.width, maps.height);
         return Err(Error::unexpected(path, "size", found, format!("{width}x{height}")));
     }
     let planes: Vec<&[f32]> = NAMES.iter().map(|name| maps.require(path, name)).collect::<Result<_>>()?;
-    let texels: Vec<Texel> = (0..width * height).map(|k| std::array::from_fn(|c| planes[c][k])).collect();
+    let texels: Vec<SliceTexel> = (0..width * height).map(|k| std::array::from_fn(|c| planes[c][k])).collect();
     match texels.iter().position(|t| t.iter().any(|v| !v.is_finite())) {
         Some(k) => Err(Error::input(path, format!("texel {k} holds a number that is not finite"))),
         None => Ok(texels),

@@ -1,8 +1,8 @@
 use super::*;
-use crate::grass::march::Across;
-use crate::record::maker::Outcome;
+use crate::grass::march::SliceAxis;
+use crate::record::maker::FitOutcome;
 use glam::{DVec2, DVec3};
-use mesophyll_transport::rays::{Forest, Ray, Shape};
+use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
 
 const SMALL: &str = "schema = 1\nname = \"tuft\"\nseed = 3\nsize_mm = [60, 50]\n[[sward]]\nmaterial = \"grass\"\n\
     per_m2 = 30000\nlength_mm = 40\nsize_spread = 0.3\nwidth_mm = 3\nlean_deg = 20\nlean_spread_deg = 15\n\
@@ -14,22 +14,22 @@ fn described(folder: &Path) -> PathBuf {
     path
 }
 
-pub(crate) fn small() -> (Plant, Meadow) {
+pub(crate) fn small() -> (Plant, LawnMeadow) {
     small_with(SMALL)
 }
 
 /// The same from another description.
-fn small_with(description: &str) -> (Plant, Meadow) {
+fn small_with(description: &str) -> (Plant, LawnMeadow) {
     let folder = tempfile::tempdir().unwrap();
     let path = described(folder.path());
     std::fs::write(&path, description).unwrap();
     let plant = plant(&path).unwrap();
-    let meadow = Meadow::new(&path, &plant, &optics::read(None).unwrap()).unwrap();
+    let meadow = LawnMeadow::new(&path, &plant, &optics::read(None).unwrap()).unwrap();
     (plant, meadow)
 }
 
 /// The same with half as many blades, so that much light reaches the ground.
-pub(crate) fn thin() -> (Plant, Meadow) {
+pub(crate) fn thin() -> (Plant, LawnMeadow) {
     small_with(&SMALL.replace("30000", "15000"))
 }
 
@@ -55,7 +55,8 @@ fn rays_meet_the_blades_of_all_rectangles() {
             plant.leaves.iter().for_each(|l| all.append(&plant.blades[l.blade].mesh, place * l.transform));
         }
     }
-    let forest = Forest::new(vec![Shape::new(&all.positions, &all.indices)], &[(0, glam::DMat4::IDENTITY)]);
+    let forest =
+        InstanceForest::new(vec![TriangleTree::new(&all.positions, &all.indices)], &[(0, glam::DMat4::IDENTITY)]);
     let mut met = 0;
     for k in 0..400 {
         let (origin, d) = ray(k, meadow.height);
@@ -81,9 +82,9 @@ fn slices_are_crossed_closest_first_and_none_is_forgotten() {
     for k in 0..200 {
         let (origin, d) = ray(k, slices.height);
         let ground = -origin.z / d.z;
-        let mut want = vec![(0.5 * ground, Across::Z)];
+        let mut want = vec![(0.5 * ground, SliceAxis::Z)];
         for j in -400..400 {
-            for (axis, across) in [Across::X, Across::Y].into_iter().enumerate() {
+            for (axis, across) in [SliceAxis::X, SliceAxis::Y].into_iter().enumerate() {
                 let step = slices.period[axis] / 8.0;
                 let plane = (f64::from(j) + 0.5) * step - 0.5 * slices.period[axis];
                 let t = (plane - origin[axis]) / d[axis];
@@ -93,15 +94,15 @@ fn slices_are_crossed_closest_first_and_none_is_forgotten() {
             }
         }
         want.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let got: Vec<(f64, Across)> = slices.crossings(origin, d, None).map(|c| (c.t, c.across)).collect();
+        let got: Vec<(f64, SliceAxis)> = slices.crossings(origin, d, None).map(|c| (c.t, c.across)).collect();
         assert_eq!(got.len(), want.len(), "ray {k}");
         for (a, b) in got.iter().zip(&want) {
             assert!(a.1 == b.1 && (a.0 - b.0).abs() < 1e-9 * ground, "ray {k}: {a:?} {b:?}");
         }
         // From the other end, the same slices are crossed in the opposite order.
         let back = slices.crossings(origin + d * ground, -d, None);
-        let back: Vec<(Across, i64)> = back.map(|c| (c.across, c.index)).collect();
-        let mut forth: Vec<(Across, i64)> = slices.crossings(origin, d, None).map(|c| (c.across, c.index)).collect();
+        let back: Vec<(SliceAxis, i64)> = back.map(|c| (c.across, c.index)).collect();
+        let mut forth: Vec<(SliceAxis, i64)> = slices.crossings(origin, d, None).map(|c| (c.across, c.index)).collect();
         forth.reverse();
         assert_eq!(back, forth, "ray {k}");
     }
@@ -154,7 +155,7 @@ fn a_file_gives_the_meadow_of_its_description() {
     let (grown, described) = small();
     let path = folder.path().join("tuft.glb");
     file::write(&grown, &path).unwrap();
-    let read = Meadow::new(&path, &plant(&path).unwrap(), &optics::read(None).unwrap()).unwrap();
+    let read = LawnMeadow::new(&path, &plant(&path).unwrap(), &optics::read(None).unwrap()).unwrap();
     assert_eq!(read.blades, described.blades);
     let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
     assert!(near(read.period[0], 60.0) && near(read.period[1], 50.0) && near(read.height, described.height));
@@ -183,7 +184,7 @@ fn weights_give_the_blades_optical_depth() {
 fn a_fit_covers_what_the_blades_cover() {
     let folder = tempfile::tempdir().unwrap();
     let (path, out) = (described(folder.path()), folder.path().join("fit"));
-    let Outcome::Done(record) = run(&path, &out, &options()).unwrap() else { panic!("not done") };
+    let FitOutcome::Done(record) = run(&path, &out, &options()).unwrap() else { panic!("not done") };
     record.verify(&out).unwrap();
     let known = &record.sections["all"].params["projection"];
     assert!(known.stderr[0] == f64::INFINITY && known.stderr[12] < 0.1 * known.value[12], "{known:?}");
@@ -193,13 +194,13 @@ fn a_fit_covers_what_the_blades_cover() {
     let off = slices.upright.levels[0].texels.iter().zip(&whole.upright.levels[0].texels);
     assert!(off.flat_map(|(a, b)| a.iter().zip(b)).all(|(a, b)| (a - b).abs() < 6e-4), "halves keep three digits");
     assert!(slices.level.is_some() && slices.count == 8);
-    let rays = Rays { side: 16, level: 0.0, sunlit: false };
+    let rays = LawnRays { side: 16, level: 0.0, sunlit: false };
     let truth = judge::blades(&meadow, rays);
-    let error = |slices: &Slices| folder::Errors::of(&judge::judged(slices, &truth, rays)).coverage;
-    let (plain, fitted) = (error(&Slices { weighted: false, ..slices.clone() }), error(&slices));
+    let error = |slices: &LawnSlices| folder::LawnErrors::of(&judge::judged(slices, &truth, rays)).coverage;
+    let (plain, fitted) = (error(&LawnSlices { weighted: false, ..slices.clone() }), error(&slices));
     assert!(fitted < 0.03 && plain > 2.0 * fitted, "weighted {fitted}, plain {plain}");
     assert!((record.sections["all"].figures["coverage_rms_error"] - fitted).abs() < 1e-9);
-    assert!(matches!(run(&path, &out, &options()).unwrap(), Outcome::UpToDate(_)));
+    assert!(matches!(run(&path, &out, &options()).unwrap(), FitOutcome::UpToDate(_)));
 }
 
 /// Blades that stand exactly upright show nothing from straight above. So that step is undetermined, and no other step
@@ -212,7 +213,7 @@ fn upright_blades_leave_the_step_from_above_undetermined() {
         per_m2 = 30000\nlength_mm = 40\nwidth_mm = 3\nlean_deg = 0\nbend_deg = 0\n";
     std::fs::write(&path, upright).unwrap();
     let options = Options { slices: 4, texels: [16, 16], rays: 2, entries: 8, view: false, ..Options::default() };
-    let Outcome::Done(record) = run(&path, &out, &options).unwrap() else { panic!("not done") };
+    let FitOutcome::Done(record) = run(&path, &out, &options).unwrap() else { panic!("not done") };
     let all = &record.sections["all"].params;
     let (own, known) = (&all["projection_of_blades"].value, &all["projection"]);
     assert!(own[STEPS].abs() < 1e-9 && known.value[STEPS] == own[STEPS] && known.stderr[STEPS] == f64::INFINITY);
@@ -238,7 +239,7 @@ fn a_damaged_part_is_made_again() {
         // This fit ends after its pictures, like one that is stopped there, and says where they are.
         let stopped: Result<()> = maker::make(FitKind::Grass, &out, &[&path], move |maker| {
             maker.made_from("of a test".into())?;
-            let meadow = Meadow::new(&from, &plant(&from)?, &optics::read(None)?)?;
+            let meadow = LawnMeadow::new(&from, &plant(&from)?, &optics::read(None)?)?;
             slices(&meadow, &options, maker)?;
             Err(Error::Usage(maker.parts(PART).display().to_string()))
         });

@@ -8,15 +8,15 @@
 //! [`crate::grass::judge`].
 
 use crate::grass::Result;
-use crate::grass::blades::{Meadow, STEPS};
-use crate::grass::judge::{Rays, coverage_of_blades, coverage_of_slices, towards};
-use crate::grass::march::Slices;
-use mesophyll_files::progress::{self, Bar};
+use crate::grass::blades::{LawnMeadow, STEPS};
+use crate::grass::judge::{LawnRays, coverage_of_blades, coverage_of_slices, towards};
+use crate::grass::march::LawnSlices;
+use mesophyll_files::progress::{self, TaskProgress};
 use serde::{Deserialize, Serialize};
 
 /// The result at one step of |Ω_z|.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Known {
+pub struct LawnProjection {
     /// The projection that the weights are computed from.
     pub value: f64,
     /// Its standard error, from the number of rays; infinite where the rays do not determine it.
@@ -39,10 +39,10 @@ const OFF: f64 = 3.0;
 ///
 /// # Errors
 /// [`crate::grass::Error::Interrupted`] after a stop.
-pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<Known>> {
-    let rays = Rays { side: entries, level: 0.0, sunlit: false };
-    let bar = Bar::new("weights", STEPS as u64 + 1);
-    let mut known: Vec<Option<Known>> = vec![None; STEPS + 1];
+pub fn fit(meadow: &LawnMeadow, slices: &mut LawnSlices, entries: usize) -> Result<Vec<LawnProjection>> {
+    let rays = LawnRays { side: entries, level: 0.0, sunlit: false };
+    let bar = TaskProgress::new("weights", STEPS as u64 + 1);
+    let mut known: Vec<Option<LawnProjection>> = vec![None; STEPS + 1];
     let mut why = [None; STEPS + 1];
     // Step 0 is left out: rays along the ground never leave the layer.
     for k in (1..=STEPS).rev() {
@@ -94,7 +94,8 @@ pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<K
             _ => None,
         };
         slices.projection[k] = own * at.0;
-        known[k] = Some(Known { value: own * at.0, error: own * error / slope, why: why[k].map(String::from) });
+        known[k] =
+            Some(LawnProjection { value: own * at.0, error: own * error / slope, why: why[k].map(String::from) });
     }
     // A step that is not determined takes the ratio of the nearest higher step that is.
     let mut ratio = 1.0;
@@ -105,7 +106,7 @@ pub fn fit(meadow: &Meadow, slices: &mut Slices, entries: usize) -> Result<Vec<K
             None => {
                 slices.projection[k] = meadow.projection[k] * ratio;
                 let why = why[k].or(Some("all rays end on a blade")).map(String::from);
-                known[k] = Some(Known { value: slices.projection[k], error: f64::INFINITY, why });
+                known[k] = Some(LawnProjection { value: slices.projection[k], error: f64::INFINITY, why });
             }
         }
     }

@@ -18,7 +18,7 @@ pub struct Incidence(pub f64);
 
 /// ln ρd, ln ρt and their derivatives at one thickness.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Point {
+pub struct ThicknessCurvePoint {
     /// ln ρd
     pub ln_rho_d: f64,
     /// ln ρt
@@ -37,19 +37,19 @@ pub struct Point {
 
 /// One channel's response against thickness.
 #[derive(Debug, Clone)]
-pub struct Curve {
+pub struct ThicknessCurve {
     start: f64,
     step: f64,
-    points: Vec<Point>,
+    points: Vec<ThicknessCurvePoint>,
 }
 
-impl Curve {
+impl ThicknessCurve {
     /// Solves the slab on the grid around `h` (mm); σ in 1/mm.
-    pub fn new(sigma_a: f64, sigma_s: f64, h: f64, incidence: Incidence) -> Curve {
+    pub fn new(sigma_a: f64, sigma_s: f64, h: f64, incidence: Incidence) -> ThicknessCurve {
         let start = (h / RANGE).ln();
         let step = 2.0 * RANGE.ln() / (POINTS - 1) as f64;
         let points = (0..POINTS).map(|k| solve(sigma_a, sigma_s, (start + step * k as f64).exp(), incidence)).collect();
-        Curve { start, step, points }
+        ThicknessCurve { start, step, points }
     }
 
     /// Range of thickness covered (mm).
@@ -58,7 +58,7 @@ impl Curve {
     }
 
     /// Response at ln t, clamped to the grid.
-    pub fn at(&self, ln_t: f64) -> Point {
+    pub fn at(&self, ln_t: f64) -> ThicknessCurvePoint {
         let x = ((ln_t - self.start) / self.step).clamp(0.0, (POINTS - 1) as f64);
         let k = (x as usize).min(POINTS - 2);
         let f = x - k as f64;
@@ -67,7 +67,7 @@ impl Curve {
         let (ln_rho_d, d_rho_d, _) = hermite(f, s, a.ln_rho_d, b.ln_rho_d, a.d_rho_d, b.d_rho_d);
         let (ln_rho_t, d_rho_t, dd_rho_t) = hermite(f, s, a.ln_rho_t, b.ln_rho_t, a.d_rho_t, b.d_rho_t);
         let mix = |p: [f64; 2], q: [f64; 2]| [p[0] + f * (q[0] - p[0]), p[1] + f * (q[1] - p[1])];
-        Point {
+        ThicknessCurvePoint {
             ln_rho_d,
             ln_rho_t,
             d_rho_d,
@@ -88,7 +88,7 @@ fn hermite(f: f64, s: f64, y0: f64, y1: f64, d0: f64, d1: f64) -> (f64, f64, f64
 }
 
 /// The slab at one thickness, with logarithmic derivatives.
-fn solve(sigma_a: f64, sigma_s: f64, t: f64, incidence: Incidence) -> Point {
+fn solve(sigma_a: f64, sigma_s: f64, t: f64, incidence: Incidence) -> ThicknessCurvePoint {
     let tiny = f64::MIN_POSITIVE;
     let (rho_d, rho_t, pa, ps, ta, ts);
     if incidence.0 == 1.0 {
@@ -102,7 +102,7 @@ fn solve(sigma_a: f64, sigma_s: f64, t: f64, incidence: Incidence) -> Point {
         let (r, p) = slab::response_with_partials(sigma_a, sigma_s, t);
         rho_d = r.rho_d;
         (pa, ps) = (p.sigma_a.rho_d * sigma_a, p.sigma_s.rho_d * sigma_s);
-        let at = |a: f64, s: f64| slab::exact::response_at(incidence.0, a, s, t).rho_t.max(tiny);
+        let at = |a: f64, s: f64| slab::medium::response_at(incidence.0, a, s, t).rho_t.max(tiny);
         rho_t = at(sigma_a, sigma_s);
         let e = 1e-4;
         ta = (at(sigma_a * (1.0 + e), sigma_s) - at(sigma_a * (1.0 - e), sigma_s)) / (2.0 * e);
@@ -110,7 +110,7 @@ fn solve(sigma_a: f64, sigma_s: f64, t: f64, incidence: Incidence) -> Point {
     }
     let (d, t) = (rho_d.max(tiny), rho_t.max(tiny));
     let (p_rho_d, p_rho_t) = ([pa / d, ps / d], [ta / t, ts / t]);
-    Point {
+    ThicknessCurvePoint {
         ln_rho_d: d.ln(),
         ln_rho_t: t.ln(),
         // ρ depends only on the product σ·t: scaling the thickness has the same effect as scaling both coefficients.
@@ -129,10 +129,10 @@ mod tests {
     #[test]
     fn the_curve_is_the_slab_between_its_points() {
         for (sa, ss) in [(0.4, 10.2), (30.0, 20.0), (120.0, 60.0), (0.01, 5.0)] {
-            let curve = Curve::new(sa, ss, 0.2, Incidence(1.0));
+            let curve = ThicknessCurve::new(sa, ss, 0.2, Incidence(1.0));
             for t in [0.0213, 0.101, 0.19937, 0.477] {
                 let p = curve.at(f64::ln(t));
-                let exact = slab::exact::response(sa, ss, t);
+                let exact = slab::medium::response(sa, ss, t);
                 assert!(
                     (p.ln_rho_t - exact.rho_t.ln()).abs() < 3e-6,
                     "{sa} {ss} {t}: {} {}",

@@ -1,6 +1,6 @@
 //! The defects that a scan under a linear light source can have, and how they are told.
 
-use crate::gloss::{NO_LIGHT, TexelFit};
+use crate::gloss::{GlossTexelFit, NO_LIGHT};
 use mesophyll_optics::defect::Defect;
 
 /// Where the standard error of ρd is larger than this, half of all the light, the traces say nothing about the texel.
@@ -33,7 +33,7 @@ pub fn of_light_box(defect: Defect) -> bool {
 }
 
 /// The defect of a texel whose gloss fit ended badly.
-pub fn of_texel(fit: &TexelFit) -> Option<Defect> {
+pub fn of_texel(fit: &GlossTexelFit) -> Option<Defect> {
     if fit.defect == Some(NO_LIGHT) {
         Some(Defect::NoLight)
     } else if fit.samples < fit.parameters + 3 || fit.rho_d.iter().any(|v| v.is_nan()) {

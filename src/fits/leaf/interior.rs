@@ -4,19 +4,19 @@
 
 use super::texels;
 use crate::Result;
-use crate::leaf::curve::{Curve, Incidence};
-use crate::leaf::noise::Level;
+use crate::leaf::curve::{Incidence, ThicknessCurve};
+use crate::leaf::indeterminacy;
+use crate::leaf::leaf_wide::{self, GaugeSubstitutes, LeafWideFit, LeafWideSettings, LeafWideTexel};
+use crate::leaf::noise::CameraNoise;
 use crate::leaf::outliers;
-use crate::leaf::paper::{self, Paper};
-use crate::leaf::side::Measured;
-use crate::leaf::slabmaps::{Inverter, Sigma};
-use crate::leaf::undetermined;
-use crate::leaf::wide::{self, Settings, StandIns, Texel, Wide};
-use crate::leaf::{Method, Options};
-use crate::record::Times;
-use mesophyll_base::solve::Termination;
-use mesophyll_capture::reader::Capture;
-use mesophyll_files::image::Maps;
+use crate::leaf::paper::{self, PaperReduction};
+use crate::leaf::side::SideTransmittance;
+use crate::leaf::slabmaps::{SigmaEstimate, SlabInverter};
+use crate::leaf::{LeafFitMethod, Options};
+use crate::record::FitTimes;
+use mesophyll_base::solvers::Termination;
+use mesophyll_capture::reader::TubeCapture;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::defect::Defect;
 use mesophyll_optics::side::Side;
@@ -26,15 +26,15 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// One side, fitted. Per-texel vectors run over `at`, the good texels' indices.
-pub struct Fitted {
+pub struct LeafSideFit {
     pub side: Side,
-    pub measured: Measured,
+    pub measured: SideTransmittance,
     /// Merged part maps of the texel phase (whole image).
-    pub maps: Maps,
+    pub maps: ChannelMaps,
     /// 1 good, 0 outside, negative a defect.
     pub mask: Vec<i16>,
     pub at: Vec<u32>,
-    pub texels: Vec<Texel>,
+    pub texels: Vec<LeafWideTexel>,
     pub sigma_a: [f64; 3],
     pub sigma_s: [f64; 3],
     /// Relative standard errors; they include that of the caliper's h.
@@ -44,10 +44,10 @@ pub struct Fitted {
     pub thickness_err: Vec<f64>,
     pub gamma: Vec<[f64; 3]>,
     pub gamma_err: Vec<[f64; 3]>,
-    pub sigma: Vec<[Sigma; 3]>,
+    pub sigma: Vec<[SigmaEstimate; 3]>,
     /// ρt for a beam along the normal divided by the measured ρt, where the light box was not seen along the normal.
     pub to_normal: Option<Vec<[f64; 3]>>,
-    pub wide: Wide,
+    pub wide: LeafWideFit,
     pub termination: Termination,
     pub figures: BTreeMap<String, f64>,
     /// Reduced χ² of the median texel, where the traces do not match the model of a texel.
@@ -56,7 +56,7 @@ pub struct Fitted {
     pub bounds: [Option<String>; 3],
 }
 
-impl Fitted {
+impl LeafSideFit {
     /// ρt and its standard error for a beam along the normal: two whole images of one channel. If the leaf was seen at
     /// an angle, ρt is converted by the leaf's slab at each texel's thickness; it is then NaN where a texel is not
     /// good.
@@ -81,13 +81,13 @@ impl Fitted {
 
 /// Reduces one side.
 pub fn fit(
-    capture: &Capture,
-    measured: Measured,
-    maps: Maps,
+    capture: &TubeCapture,
+    measured: SideTransmittance,
+    maps: ChannelMaps,
     options: &Options,
-    level: &Level,
-    times: &mut Times,
-) -> Result<Fitted> {
+    level: &CameraNoise,
+    times: &mut FitTimes,
+) -> Result<LeafSideFit> {
     let manifest = &capture.manifest;
     let h = manifest.thickness_mm;
     let incidence = Incidence(manifest.lightbox.camera_deg.to_radians().cos());
@@ -101,12 +101,12 @@ pub fn fit(
     if good.texels.is_empty() {
         return Err(none(&mask));
     }
-    let unseen = if manifest.pass(Travel::Y).is_some() { 0.0 } else { undetermined::unseen_tilt(&maps, &good.at) };
-    let settings = |texels: &[Texel]| {
-        let common = undetermined::common(texels, unseen);
-        Settings { h, incidence, relative, robust: options.robust, iterations: 80, common }
+    let unseen = if manifest.pass(Travel::Y).is_some() { 0.0 } else { indeterminacy::unseen_tilt(&maps, &good.at) };
+    let settings = |texels: &[LeafWideTexel]| {
+        let common = indeterminacy::common(texels, unseen);
+        LeafWideSettings { h, incidence, relative, robust: options.robust, iterations: 80, common }
     };
-    let mut wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
+    let mut wide = leaf_wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
     // Texels that stand out from the fitted leaf are named as defects, and the leaf is fitted again without them.
     // Outliers may hide others, so there are three rounds.
     for _ in 0..3 {
@@ -121,21 +121,21 @@ pub fn fit(
         if good.texels.is_empty() {
             return Err(none(&mask));
         }
-        wide = wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
+        wide = leaf_wide::fit(&good.texels, &good.missing, start(&good.texels, h), &settings(&good.texels));
     }
     let common = settings(&good.texels).common;
     let Good { at, texels, missing } = good;
     times.traces.insert(format!("{} leaf-wide", measured.side.name()), wide.trace.clone());
 
     let to_normal = (incidence.0 != 1.0).then(|| {
-        let curves = [0, 1, 2].map(|c: usize| Curve::new(wide.sigma_a[c], wide.sigma_s[c], h, Incidence(1.0)));
+        let curves = [0, 1, 2].map(|c: usize| ThicknessCurve::new(wide.sigma_a[c], wide.sigma_s[c], h, Incidence(1.0)));
         let factor = |t: f64, c: usize| (curves[c].at(t.ln()).ln_rho_t - wide.curves[c].at(t.ln()).ln_rho_t).exp();
         wide.locals.iter().map(|l| [0, 1, 2].map(|c: usize| factor(l.thickness, c))).collect()
     });
-    let inverter = Inverter::new(incidence);
-    let rho_t_err = |x: &Texel, c: usize| x.variance(c, x.rho_t[c], relative).sqrt();
-    let error = |x: &Texel, c: usize| [x.rho_d_err[c], rho_t_err(x, c)];
-    let at_h: Vec<[Sigma; 3]> = texels
+    let inverter = SlabInverter::new(incidence);
+    let rho_t_err = |x: &LeafWideTexel, c: usize| x.variance(c, x.rho_t[c], relative).sqrt();
+    let error = |x: &LeafWideTexel, c: usize| [x.rho_d_err[c], rho_t_err(x, c)];
+    let at_h: Vec<[SigmaEstimate; 3]> = texels
         .par_iter()
         .map(|x| [0, 1, 2].map(|c: usize| inverter.invert(x.rho_d[c], x.rho_t[c], h, error(x, c))))
         .collect();
@@ -143,12 +143,12 @@ pub fn fit(
     let mut figures = compare(&texels, &wide, &paper, h);
     figures.insert("stand_ins".into(), missing.len() as f64);
 
-    let unexplained = undetermined::unexplained(&maps, &at, level);
+    let unexplained = indeterminacy::unexplained(&maps, &at, level);
     let gauge = manifest.thickness_err_mm.unwrap_or(0.0) / h;
     let (mut sigma_a, mut sigma_s, mut rel_a, mut rel_s, termination);
     let (thickness, thickness_err, gamma, gamma_err): (Vec<f64>, Vec<f64>, Vec<[f64; 3]>, Vec<[f64; 3]>);
     match options.method {
-        Method::Exact => {
+        LeafFitMethod::Exact => {
             let relative = |k: usize| (wide.covariance[(k, k)] + gauge * gauge).sqrt();
             (sigma_a, sigma_s) = (wide.sigma_a, wide.sigma_s);
             (rel_a, rel_s) = ([0, 2, 4].map(relative), [1, 3, 5].map(relative));
@@ -158,7 +158,7 @@ pub fn fit(
             gamma = wide.locals.iter().map(|l| l.gamma).collect();
             gamma_err = wide.locals.iter().map(|l| l.gamma_err).collect();
         }
-        Method::Paper => {
+        LeafFitMethod::Paper => {
             (sigma_a, sigma_s) = (paper.sigma_a, paper.sigma_s);
             rel_a = [0, 1, 2].map(|c: usize| (paper.sigma_a_err[c] / paper.sigma_a[c]).hypot(gauge));
             rel_s = [0, 1, 2].map(|c: usize| (paper.sigma_s_err[c] / paper.sigma_s[c]).hypot(gauge));
@@ -183,7 +183,7 @@ pub fn fit(
             }
         }
     }
-    for c in (0..3).filter(|&c| undetermined::opaque(&texels, c, rho_t_err)) {
+    for c in (0..3).filter(|&c| indeterminacy::opaque(&texels, c, rho_t_err)) {
         // The transmittance of this channel may be nothing but noise. Then the curvature where the fit stopped says
         // nothing about thicker slabs.
         (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
@@ -192,8 +192,8 @@ pub fn fit(
         if rel_a[c] <= inverse::DETERMINED && rel_s[c] <= inverse::DETERMINED {
             return None;
         }
-        let mean = undetermined::mean_texel(&texels, c, h, rho_t_err, &common);
-        if options.method == Method::Exact {
+        let mean = indeterminacy::mean_texel(&texels, c, h, rho_t_err, &common);
+        if options.method == LeafFitMethod::Exact {
             // A direction that the joint problem does not determine ends wherever it started, so the mean texel's
             // estimate is taken instead.
             for (value, relative, estimate) in
@@ -210,13 +210,13 @@ pub fn fit(
         }
     });
     let own = |k: usize| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h };
-    let pigment = |(k, x): (usize, &Texel)| {
+    let pigment = |(k, x): (usize, &LeafWideTexel)| {
         [0, 1, 2].map(|c: usize| {
             inverter.invert_fitted(x.rho_d[c], x.rho_t[c], own(k), error(x, c), x.covariance[c], &wide.locals[k], c)
         })
     };
-    let sigma: Vec<[Sigma; 3]> = texels.par_iter().enumerate().map(pigment).collect();
-    Ok(Fitted {
+    let sigma: Vec<[SigmaEstimate; 3]> = texels.par_iter().enumerate().map(pigment).collect();
+    Ok(LeafSideFit {
         side: measured.side,
         measured,
         maps,
@@ -242,7 +242,7 @@ pub fn fit(
 }
 
 /// Defects that the texel fit and the light box show between them.
-fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
+fn classify(measured: &SideTransmittance, maps: &ChannelMaps) -> Vec<i16> {
     let code = maps.scalar(Quantity::Mask).unwrap_or(&[]);
     let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
     let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
@@ -276,13 +276,13 @@ fn classify(measured: &Measured, maps: &Maps) -> Vec<i16> {
 /// The good texels: where they are, their readings, and which of them stand in for texels whose reading failed.
 struct Good {
     at: Vec<u32>,
-    texels: Vec<Texel>,
-    missing: Vec<StandIns>,
+    texels: Vec<LeafWideTexel>,
+    missing: Vec<GaugeSubstitutes>,
 }
 
 impl Good {
     /// `relative`: the noise of ρt relative to ρt. The rest of the standard error is the floor.
-    fn gather(measured: &Measured, maps: &Maps, mask: &[i16], relative: f64, width: usize) -> Good {
+    fn gather(measured: &SideTransmittance, maps: &ChannelMaps, mask: &[i16], relative: f64, width: usize) -> Good {
         let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
         let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
         let by_dark = [0, 1, 2].map(|c| texels::by_dark(maps, c));
@@ -291,7 +291,7 @@ impl Good {
             let floor = |c: usize| {
                 (f64::from(measured.rho_t_err[k][c]).powi(2) - (relative * rho_t[c]).powi(2)).max(1e-18).sqrt()
             };
-            Texel {
+            LeafWideTexel {
                 rho_d: [0, 1, 2].map(|c: usize| f64::from(rho_d[c][k])),
                 rho_d_err: [0, 1, 2].map(|c: usize| f64::from(rho_d_err[c][k])),
                 rho_t,
@@ -307,7 +307,7 @@ impl Good {
 }
 
 /// A start from the leaf's median reflectance and transmittance a channel.
-pub fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
+pub fn start(texels: &[LeafWideTexel], h: f64) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|c: usize| {
         let d = outliers::median(texels.iter().map(|x| x.rho_d[c]).collect());
         let t = outliers::median(texels.iter().map(|x| x.rho_t[c]).collect()).max(1e-4);
@@ -323,7 +323,7 @@ pub fn start(texels: &[Texel], h: f64) -> [[f64; 2]; 3] {
 
 /// How much of the measured transmittance each reduction reproduces: over the whole leaf, and over its darkest tenth
 /// (the veins).
-fn compare(texels: &[Texel], wide: &Wide, paper: &Paper, h: f64) -> BTreeMap<String, f64> {
+fn compare(texels: &[LeafWideTexel], wide: &LeafWideFit, paper: &PaperReduction, h: f64) -> BTreeMap<String, f64> {
     let mut order: Vec<usize> = (0..texels.len()).collect();
     order.sort_unstable_by(|&a, &b| texels[a].rho_t[1].total_cmp(&texels[b].rho_t[1]));
     let veins = &order[..order.len().div_ceil(10)];

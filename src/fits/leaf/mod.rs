@@ -11,7 +11,9 @@ pub mod curve;
 mod defect;
 pub mod faults;
 pub mod held_out;
+pub(crate) mod indeterminacy;
 pub(crate) mod interior;
+pub mod leaf_wide;
 mod noise;
 pub(crate) mod outliers;
 mod output;
@@ -21,29 +23,27 @@ pub mod sides;
 pub(crate) mod slabmaps;
 pub mod texels;
 mod truth;
-pub(crate) mod undetermined;
-pub mod wide;
-mod widen;
+mod widening;
 
-use crate::gloss::{Device, TexelFitter};
+use crate::gloss::{GlossFitDevice, GlossTexelFitter};
 use crate::record::FitKind;
-use crate::record::maker::{self, Maker, Outcome};
+use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::{Error, Result};
-use held_out::{HoldOut, Splits};
-use mesophyll_capture::manifest::Pass;
-use mesophyll_capture::reader::Capture;
-use mesophyll_files::progress::{Bar, go_on};
+use held_out::{FrameSplits, HoldOutRule};
+use mesophyll_capture::manifest::TubePass;
+use mesophyll_capture::reader::TubeCapture;
+use mesophyll_files::progress::{TaskProgress, go_on};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;
 use std::path::Path;
 use std::time::Instant;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
-use texels::{Job, Shard};
+use texels::{FitShard, Job};
 
 /// How per-texel reflectance and transmittance are reduced to the leaf's σa, σs, δ and γ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Method {
+pub enum LeafFitMethod {
     /// One joint least-squares problem over the whole leaf, with ρd and ρt as full functions of thickness.
     #[default]
     Exact,
@@ -51,7 +51,7 @@ pub enum Method {
     Paper,
 }
 
-impl Method {
+impl LeafFitMethod {
     /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
@@ -62,15 +62,15 @@ impl Method {
 #[derive(Debug, Clone)]
 pub struct Options {
     /// How the leaf's interior is found.
-    pub method: Method,
+    pub method: LeafFitMethod,
     /// The gloss lobe that texels are fitted with.
     pub lobe: Lobe,
     /// Weigh outliers among a texel's readings down.
     pub robust: bool,
     /// Which frames are left out of the fit, to judge it by.
-    pub hold_out: HoldOut,
+    pub hold_out: HoldOutRule,
     /// Make only these parts of the texel phase.
-    pub shard: Option<Shard>,
+    pub shard: Option<FitShard>,
     /// Do not fit texels: put the parts of all shards together.
     pub merge: bool,
     /// Fit again although the folder holds this very fit.
@@ -80,10 +80,10 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Options {
-            method: Method::Exact,
+            method: LeafFitMethod::Exact,
             lobe: Lobe::Beckmann,
             robust: true,
-            hold_out: HoldOut::default(),
+            hold_out: HoldOutRule::default(),
             shard: None,
             merge: false,
             force: false,
@@ -93,13 +93,13 @@ impl Default for Options {
 
 impl Options {
     fn describe(&self) -> String {
-        let HoldOut { every, seed } = self.hold_out;
+        let HoldOutRule { every, seed } = self.hold_out;
         format!("method={} lobe={:?} robust={} hold_out={every}/{seed}", self.method.name(), self.lobe, self.robust)
     }
 }
 
 /// Hash of everything that decides the result: the capture's content, the options, the program version.
-pub fn input_hash(capture: &Capture, options: &Options) -> Result<String> {
+pub fn input_hash(capture: &TubeCapture, options: &Options) -> Result<String> {
     Ok(maker::input_hash([("capture", capture.hash()?.as_str()), ("options", &options.describe())]))
 }
 
@@ -108,13 +108,13 @@ pub fn input_hash(capture: &Capture, options: &Options) -> Result<String> {
 /// # Errors
 /// Unreadable or invalid captures (exit code 2), an unwritable folder (2), an interruption (130, finished parts kept),
 /// and a fit that as a whole cannot be trusted (1).
-pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<Outcome> {
+pub fn run(capture: &Path, out: &Path, options: &Options) -> Result<FitOutcome> {
     let (folder, options) = (capture.to_path_buf(), options.clone());
     maker::make(FitKind::Leaf, out, &[capture], move |maker| fit(&folder, &options, maker))
 }
 
-fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
-    let capture = maker.phase("open and check", || Capture::open(folder))?;
+fn fit(folder: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutcome> {
+    let capture = maker.phase("open and check", || TubeCapture::open(folder))?;
     let input = maker.phase("hash the capture", || input_hash(&capture, options))?;
     if options.shard.is_some() {
         maker.one_of_several();
@@ -128,14 +128,17 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let split = |travel| {
         manifest.pass(travel).map_or_else(Default::default, |p| options.hold_out.split(travel, p.positions().len()))
     };
-    let splits = Splits { x: split(Travel::X), y: split(Travel::Y) };
+    let splits = FrameSplits { x: split(Travel::X), y: split(Travel::Y) };
     let mut level = noise::level(&capture, &splits)?;
-    let sides =
-        manifest.sides.iter().map(|&s| side::Measured::read(&capture, s, &level)).collect::<Result<Vec<_>>>()?;
+    let sides = manifest
+        .sides
+        .iter()
+        .map(|&s| side::SideTransmittance::read(&capture, s, &level))
+        .collect::<Result<Vec<_>>>()?;
     maker.times.phase("light box and mask", step);
 
     let camera = manifest.camera_deg.to_radians();
-    let device = Device {
+    let device = GlossFitDevice {
         height_mm: manifest.tube.height_mm,
         length_mm: manifest.tube.length_mm,
         radius_mm: manifest.tube.radius_mm,
@@ -144,14 +147,14 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         noise_relative: level.relative,
         noise_floor: level.floor,
     };
-    let seen = |p: &Pass| {
+    let seen = |p: &TubePass| {
         let positions = p.positions();
         splits.of(p.name).kept.iter().map(|k| positions[*k]).collect::<Vec<f64>>()
     };
     let x = manifest.pass(Travel::X).map(seen).unwrap_or_default();
     let y = manifest.pass(Travel::Y).map(seen);
-    let mut fitter = TexelFitter::new(&device, &x, y.as_deref());
-    fitter.unseen = if y.is_none() { undetermined::UNSEEN } else { 0.0 };
+    let mut fitter = GlossTexelFitter::new(&device, &x, y.as_deref());
+    fitter.unseen = if y.is_none() { indeterminacy::UNSEEN } else { 0.0 };
     let jobs: Vec<Job> = sides
         .iter()
         .map(|s| Job {
@@ -165,8 +168,8 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         })
         .collect();
     if !options.merge {
-        let bar = Bar::new("fitting texels", sides.iter().map(|s| s.count() as u64).sum());
-        let shard = options.shard.unwrap_or(Shard { index: 0, count: 1 });
+        let bar = TaskProgress::new("fitting texels", sides.iter().map(|s| s.count() as u64).sum());
+        let shard = options.shard.unwrap_or(FitShard { index: 0, count: 1 });
         let mut first = 0;
         for job in &jobs {
             let spent = job.run(shard, first, &bar)?;
@@ -184,7 +187,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
             let (parts, what) = (parts.display(), "parts are missing; run every shard before --merge");
             return Err(Error::Missed(format!("{parts}: {missing} {what}")));
         }
-        missing => return Ok(Outcome::ShardDone { missing }),
+        missing => return Ok(FitOutcome::ShardDone { missing }),
     }
     // Where two shards find them all, one waits for the other. The other one has finished the fit then and has removed
     // the parts, also with --force.
@@ -204,7 +207,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     for (measured, maps) in sides.into_iter().zip(merged) {
         go_on()?;
         let step = Instant::now();
-        let _bar = Bar::of(format!("{}: interior", measured.side.name()));
+        let _bar = TaskProgress::of(format!("{}: interior", measured.side.name()));
         let fitted = interior::fit(&capture, measured, maps, options, &level, &mut maker.times)?;
         maker.times.phase(&format!("{}: interior", fitted.side.name()), step);
         done.push(fitted);
@@ -219,7 +222,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     maker.times.phase("held-out frames", step);
     let step = Instant::now();
     let found = faults::look(&capture, record.scan.get_or_insert_default(), &level, &done)?;
-    widen::found(&mut record, &mut done, found, &mut level);
+    widening::found(&mut record, &mut done, found, &mut level);
     maker.times.phase("faults of the measurement", step);
     let step = Instant::now();
     let out = maker.begin()?.to_path_buf();
@@ -237,5 +240,5 @@ fn fit(folder: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
             done.iter().map(|d| d.termination.name()).collect::<Vec<_>>().join(", ")
         )));
     }
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }

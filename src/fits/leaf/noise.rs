@@ -2,15 +2,15 @@
 
 use crate::Result;
 use crate::gloss::ReadingNoise;
-use crate::leaf::held_out::Splits;
-use mesophyll_capture::reader::Capture;
+use crate::leaf::held_out::FrameSplits;
+use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 
 /// Standard deviation √((relative·value)² + floor²) of a value as the camera recorded it, before the dark frame is
 /// taken off and before division by the white sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Level {
+pub struct CameraNoise {
     pub relative: f64,
     /// The floor of calibrated values: the camera's floor divided by the white sheet's median gain.
     pub floor: f64,
@@ -28,14 +28,14 @@ pub struct Level {
     pub seen: Option<f64>,
 }
 
-impl Level {
+impl CameraNoise {
     /// The camera's own noise floor, in camera values.
     pub fn camera_floor(&self) -> f64 {
         self.floor * self.median_gain
     }
 
     /// The noise of the readings at each of `texels`, by the gain and the dark level there.
-    pub fn readings(&self, capture: &Capture, texels: &[[u32; 2]]) -> Vec<ReadingNoise> {
+    pub fn readings(&self, capture: &TubeCapture, texels: &[[u32; 2]]) -> Vec<ReadingNoise> {
         let width = capture.manifest.width;
         let of = |(t, gain): (&[u32; 2], [f64; 3])| {
             let dark = match capture.dark() {
@@ -62,7 +62,7 @@ pub const LEAST_RELATIVE: f64 = 2e-5;
 const LEAST_FLOOR: f64 = 1e-7;
 
 /// Stated noise, or the noise estimated from the frames that the fit sees.
-pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
+pub fn level(capture: &TubeCapture, splits: &FrameSplits) -> Result<CameraNoise> {
     let m = &capture.manifest;
     let median_gain = capture.median_gain();
     let stated = m.noise_relative.zip(m.noise_floor.map(|f| f / median_gain));
@@ -84,7 +84,8 @@ pub fn level(capture: &Capture, splits: &Splits) -> Result<Level> {
     // The photograph's own noise, without that of the dark frame which was subtracted.
     let lightbox = roughness(&empty, m.width, of_a_frame)
         .map_or(1.0, |(ratio, frame)| (ratio.powi(2) - (dark / frame).powi(2)).max(0.0).sqrt().clamp(1e-3, 1.0));
-    let mut level = Level { relative, floor, median_gain, lightbox, dark, estimated: stated.is_none(), seen: None };
+    let mut level =
+        CameraNoise { relative, floor, median_gain, lightbox, dark, estimated: stated.is_none(), seen: None };
     if !level.estimated {
         let (texels, traces) = sample(capture, splits)?;
         level.seen = roughness_of_traces(&traces, &level.readings(capture, &texels));
@@ -154,7 +155,7 @@ fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f6
 
 /// Traces of texels across the middle rows, with NaN in the frames that the fit leaves out. Returns the texels, and the
 /// three channels of each in turn.
-fn sample(capture: &Capture, splits: &Splits) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
+fn sample(capture: &TubeCapture, splits: &FrameSplits) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
     let m = &capture.manifest;
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
     let step = (m.width / 200).max(1);

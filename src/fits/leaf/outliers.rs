@@ -7,9 +7,9 @@
 
 use super::curve::RANGE;
 use super::defect::{OF_SCANS, failed_reading, of_light_box};
+use super::leaf_wide::{GaugeSubstitutes, LeafWideFit, LeafWideTexel};
 use super::texels;
-use super::wide::{StandIns, Texel, Wide};
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::defect::Defect;
 
@@ -49,7 +49,7 @@ fn spread(values: &[f64]) -> (f64, f64) {
 
 /// Texels of `mask` whose χ² no noise explains: it is far above 1, and far above that of this leaf's other texels.
 /// Where the stated noise or the model is wrong, χ² is equally high in all texels, and none stands out.
-pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
+pub fn unexplained(maps: &ChannelMaps, mask: &[bool]) -> Vec<bool> {
     let (chi2, freedom) = texels::chi2(maps);
     let code = maps.scalar(Quantity::Mask).unwrap_or(&[]);
     // Traces that are far off often make a texel ambiguous as well; being far off is the better name for the defect.
@@ -74,7 +74,7 @@ pub fn unexplained(maps: &Maps, mask: &[bool]) -> Vec<bool> {
 }
 
 /// Texels that stand out from the fitted leaf, by their place in `texels`.
-pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
+pub fn of_leaf(texels: &[LeafWideTexel], wide: &LeafWideFit, h: f64) -> Vec<(usize, Defect)> {
     let gamma = [0, 1, 2].map(|c: usize| {
         let list: Vec<f64> = wide.locals.iter().filter(|l| l.gamma[c] > 0.0).map(|l| l.gamma[c].ln()).collect();
         spread(&list)
@@ -114,13 +114,13 @@ pub fn of_leaf(texels: &[Texel], wide: &Wide, h: f64) -> Vec<(usize, Defect)> {
 /// For every texel whose reading failed ([`failed_reading`]), the good texels around it with the most similar
 /// transmittance, as places in `at`. `rho_t` is the measured transmittance of every texel. A failed texel without good
 /// texels nearby gets no list.
-pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> Vec<StandIns> {
+pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> Vec<GaugeSubstitutes> {
     let mut place = vec![u32::MAX; mask.len()];
     for (n, &k) in at.iter().enumerate() {
         place[k as usize] = n as u32;
     }
     let height = mask.len() / width.max(1);
-    let near = |k: usize, r: usize| -> StandIns {
+    let near = |k: usize, r: usize| -> GaugeSubstitutes {
         let (i, j) = (k % width, k / width);
         let rows = j.saturating_sub(r)..(j + r + 1).min(height);
         let all =

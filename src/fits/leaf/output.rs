@@ -2,31 +2,39 @@
 //! previews.
 
 use crate::Result;
-use crate::leaf::blade::{self, Blade, Grid, glb};
+use crate::leaf::blade::{self, BladeMesh, TexelGrid, glb};
 use crate::leaf::defect::OF_SCANS;
-use crate::leaf::faults::through;
-use crate::leaf::held_out::{self, Judged, Splits};
-use crate::leaf::interior::Fitted;
-use crate::leaf::noise::Level;
-use crate::leaf::truth::Comparison;
+use crate::leaf::faults::transmittance;
+use crate::leaf::held_out::{self, FrameSplits, HeldOutJudgement};
+use crate::leaf::interior::LeafSideFit;
+use crate::leaf::noise::CameraNoise;
+use crate::leaf::truth::TruthComparison;
 use crate::leaf::{Options, texels};
-use crate::leaf_folder::{BLADE, File, fill, previews};
-use crate::record::fault::{Fault, Grade};
-use crate::record::scan::Scan;
-use crate::record::{DISCARDED, FitRecord, MIRROR, NOISE_SEEN, Param, READINGS, Residuals, Section};
-use mesophyll_capture::inspect::{Inspection, mirror};
-use mesophyll_capture::reader::Capture;
+use crate::leaf_folder::{BLADE, LeafFitFile, filling, previews};
+use crate::record::fault::{FaultGrade, MeasurementFault};
+use crate::record::scan::ScanRecord;
+use crate::record::{
+    DISCARDED, FitParameter, FitRecord, MIRROR, NOISE_SEEN, READINGS, RecordSection, ResidualStatistics,
+};
+use mesophyll_capture::inspection::{TubeInspection, mirror};
+use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::hash;
-use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Side;
 use std::path::Path;
 
 /// Writes options, gauges and defect names: everything in `fit.toml` that belongs to no single side.
-pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, level: &Level, splits: &Splits) {
+pub fn describe(
+    record: &mut FitRecord,
+    capture: &TubeCapture,
+    options: &Options,
+    level: &CameraNoise,
+    splits: &FrameSplits,
+) {
     let m = &capture.manifest;
-    let (lobe, lobe_index) = Scan::name_lobe(options.lobe);
-    record.scan = Some(Scan {
+    let (lobe, lobe_index) = ScanRecord::name_lobe(options.lobe);
+    record.scan = Some(ScanRecord {
         texel_mm: m.texel_mm,
         camera_deg: m.camera_deg,
         lightbox_camera_deg: m.lightbox.camera_deg,
@@ -62,7 +70,7 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
     );
     // The mirror strip tells whether the tube's position and the camera's angle are right. Without a strip nothing in
     // the capture can tell.
-    let mut looked = Inspection::default();
+    let mut looked = TubeInspection::default();
     mirror::look(&capture.folder, m, &mut looked);
     let mirror = if looked.warnings.is_empty() {
         looked.notes.join("; ")
@@ -75,9 +83,9 @@ pub fn describe(record: &mut FitRecord, capture: &Capture, options: &Options, le
 }
 
 /// Reconstructs the blade from both sides' normals (the back's turned into the front's image).
-pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
+pub fn blade(capture: &TubeCapture, sides: &[LeafSideFit]) -> Option<BladeMesh> {
     let m = &capture.manifest;
-    let grid = Grid { width: m.width, height: m.height, texel: m.texel_mm };
+    let grid = TexelGrid { width: m.width, height: m.height, texel: m.texel_mm };
     let front = sides.iter().find(|s| s.side == Side::Front)?;
     let mut slopes: Vec<Option<[f64; 2]>> = vec![None; grid.width * grid.height];
     for fitted in sides {
@@ -106,27 +114,27 @@ pub fn blade(capture: &Capture, sides: &[Fitted]) -> Option<Blade> {
 /// Writes one side's maps and adds its section to the record.
 pub fn side(
     out: &Path,
-    capture: &Capture,
-    fitted: &Fitted,
-    level: &Level,
-    truth: Comparison,
-    judged: Judged,
+    capture: &TubeCapture,
+    fitted: &LeafSideFit,
+    level: &CameraNoise,
+    truth: TruthComparison,
+    judged: HeldOutJudgement,
     record: &mut FitRecord,
 ) -> Result<()> {
     let (values, errors) = maps(fitted, capture);
-    write_exr(&File::Maps.path(out, fitted.side), &values, Packing::Zip)?;
-    write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
+    write_exr(&LeafFitFile::Maps.path(out, fitted.side), &values, Packing::Zip)?;
+    write_exr(&LeafFitFile::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
     // The report compares the σ maps with this truth. It is not part of the fit, so it is not hashed. The truth of an
     // earlier fit does not belong to this one and is removed.
     match &truth.pigment {
-        Some(pigment) => write_exr(&File::Truth.path(out, fitted.side), pigment, Packing::Zip)?,
-        None => drop(std::fs::remove_file(File::Truth.path(out, fitted.side))),
+        Some(pigment) => write_exr(&LeafFitFile::Truth.path(out, fitted.side), pigment, Packing::Zip)?,
+        None => drop(std::fs::remove_file(LeafFitFile::Truth.path(out, fitted.side))),
     }
     previews::write(out, fitted.side, &values)?;
     if let Some(frames) = &judged.stored {
-        write_exr(&File::HeldOut.path(out, fitted.side), frames, Packing::Zip)?;
+        write_exr(&LeafFitFile::HeldOut.path(out, fitted.side), frames, Packing::Zip)?;
     }
-    let section = Section {
+    let section = RecordSection {
         held_out: judged.passes,
         light_box: judged.light_box,
         ..section(capture, fitted, level, truth, &record.faults)
@@ -136,10 +144,10 @@ pub fn side(
 }
 
 /// Writes the blade and the hashes of everything written.
-pub fn finish(out: &Path, capture: &Capture, blade: Option<&Blade>, record: &mut FitRecord) -> Result<()> {
+pub fn finish(out: &Path, capture: &TubeCapture, blade: Option<&BladeMesh>, record: &mut FitRecord) -> Result<()> {
     if let Some(blade) = blade {
         glb::write(&out.join(BLADE), &capture.manifest.name, blade)?;
-        let mut all = Section::default();
+        let mut all = RecordSection::default();
         let mut figure = |name: &str, v: f64| all.figures.insert(name.into(), v);
         figure("blade_area_mm2", blade.area);
         figure("blade_vertices", blade.positions.len() as f64);
@@ -149,7 +157,7 @@ pub fn finish(out: &Path, capture: &Capture, blade: Option<&Blade>, record: &mut
     }
     let mut names = vec![BLADE.to_string()];
     for side in &capture.manifest.sides {
-        names.extend(File::ALL.map(|f| f.name(*side)));
+        names.extend(LeafFitFile::ALL.map(|f| f.name(*side)));
     }
     for name in names {
         let path = out.join(&name);
@@ -161,13 +169,13 @@ pub fn finish(out: &Path, capture: &Capture, blade: Option<&Blade>, record: &mut
 }
 
 /// The float maps of the contract and their standard errors.
-fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
+fn maps(fitted: &LeafSideFit, capture: &TubeCapture) -> (ChannelMaps, ChannelMaps) {
     let (width, height) = (capture.manifest.width, capture.manifest.height);
     let n = width * height;
     let good: Vec<bool> = fitted.mask.iter().map(|m| *m == 1).collect();
-    let mut values = Maps::new(width, height);
-    let mut errors = Maps::new(width, height);
-    let source = fill::sources(&good, width, height);
+    let mut values = ChannelMaps::new(width, height);
+    let mut errors = ChannelMaps::new(width, height);
+    let source = filling::sources(&good, width, height);
     let filled = |mut plane: Vec<f32>| {
         if let Some(source) = &source {
             for k in 0..n {
@@ -226,16 +234,22 @@ fn maps(fitted: &Fitted, capture: &Capture) -> (Maps, Maps) {
 
 /// The slope m as renderers need it, without holes. A matte texel (ρs = 0, m undetermined with an infinite error) takes
 /// the m of the nearest glossy texel. A leaf without any gloss gets a broad lobe of no weight.
-fn slope(fitted: &Fitted, good: &[bool], width: usize, height: usize) -> Vec<f32> {
+fn slope(fitted: &LeafSideFit, good: &[bool], width: usize, height: usize) -> Vec<f32> {
     let mut plane = [fitted.maps.scalar(Quantity::M).unwrap_or_default().to_vec()];
     let known: Vec<bool> = good.iter().zip(&plane[0]).map(|(g, m)| *g && m.is_finite()).collect();
-    fill::nearest(&mut plane, &known, width, height);
+    filling::nearest(&mut plane, &known, width, height);
     plane[0].iter().map(|m| if m.is_finite() && *m > 0.0 { *m } else { 0.5 }).collect()
 }
 
-fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison, faults: &[Fault]) -> Section {
+fn section(
+    capture: &TubeCapture,
+    fitted: &LeafSideFit,
+    level: &CameraNoise,
+    truth: TruthComparison,
+    faults: &[MeasurementFault],
+) -> RecordSection {
     let m = &capture.manifest;
-    let mut s = Section { figures: fitted.figures.clone(), truth: truth.errors, ..Section::default() };
+    let mut s = RecordSection { figures: fitted.figures.clone(), truth: truth.errors, ..RecordSection::default() };
     s.figures.extend(truth.figures);
     s.figures.extend(level.seen.map(|seen| (NOISE_SEEN.to_string(), seen)));
     s.counts.insert("texels".into(), fitted.mask.len());
@@ -247,7 +261,7 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison,
     let plane = |quantity| fitted.maps.scalar(quantity).unwrap_or_default();
     let undetermined = plane(Quantity::Undetermined);
     let spoils =
-        |quantity: &str| faults.iter().find(|f| f.grade == Grade::Wrong && f.spoils(fitted.side.name(), quantity));
+        |quantity: &str| faults.iter().find(|f| f.grade == FaultGrade::Wrong && f.spoils(fitted.side.name(), quantity));
     let undetermined = if spoils(Quantity::RhoS.name()).is_some() {
         fitted.at.len()
     } else {
@@ -274,7 +288,7 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison,
     let at = fitted.at.get(worst.0).map_or(0, |k| *k as usize);
     s.residuals.insert(
         "transmittance".into(),
-        Residuals {
+        ResidualStatistics {
             samples: 3 * fitted.texels.len(),
             chi2,
             reduced_chi2: chi2 / (2 * fitted.texels.len()).saturating_sub(6).max(1) as f64,
@@ -308,17 +322,23 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison,
         let stderr =
             [0, 1, 2].map(|c: usize| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY });
         let stderr_caliper = if caliper > 0.0 { value.iter().map(|v| v * caliper).collect() } else { Vec::new() };
-        Param { value: value.to_vec(), stderr: stderr.to_vec(), stderr_caliper, unit: "1/mm".into(), undetermined }
+        FitParameter {
+            value: value.to_vec(),
+            stderr: stderr.to_vec(),
+            stderr_caliper,
+            unit: "1/mm".into(),
+            undetermined,
+        }
     };
     for (quantity, value, relative) in
         [(Quantity::SigmaA, fitted.sigma_a, fitted.sigma_a_rel), (Quantity::SigmaS, fitted.sigma_s, fitted.sigma_s_rel)]
     {
         s.params.insert(quantity.name().into(), parameter(quantity, value, relative));
     }
-    through::apply(faults, fitted.side.name(), &mut s);
+    transmittance::apply(faults, fitted.side.name(), &mut s);
     s.params.insert(
         Quantity::Thickness.name().into(),
-        Param {
+        FitParameter {
             value: vec![m.thickness_mm],
             // An error that is not stated does not make h undetermined: h is the unit in which σ and δ are measured.
             stderr: vec![err.unwrap_or(f64::NAN)],
@@ -330,9 +350,9 @@ fn section(capture: &Capture, fitted: &Fitted, level: &Level, truth: Comparison,
     s
 }
 
-fn gloss_residuals(fitted: &Fitted, width: usize) -> Residuals {
+fn gloss_residuals(fitted: &LeafSideFit, width: usize) -> ResidualStatistics {
     let (chi2, freedom) = texels::chi2(&fitted.maps);
-    let mut r = Residuals::default();
+    let mut r = ResidualStatistics::default();
     let mut total = 0.0;
     for &k in &fitted.at {
         let k = k as usize;

@@ -4,12 +4,12 @@
 //! It is kept by name (`--method paper`) so that both reductions can be reported. With B frozen, Eq. 5 takes the
 //! logarithm of a negative number wherever ρt falls below B ω/2. Such texels get no δ and are counted.
 
-use crate::leaf::wide::Texel;
+use crate::leaf::leaf_wide::LeafWideTexel;
 use mesophyll_optics::slab;
 
 /// What the paper's reduction finds.
 #[derive(Debug, Clone)]
-pub struct Paper {
+pub struct PaperReduction {
     pub sigma_a: [f64; 3],
     pub sigma_s: [f64; 3],
     /// Standard error of each mean (scatter / √n).
@@ -24,7 +24,7 @@ pub struct Paper {
 }
 
 /// Averages per-texel `(σa, σs)` (NaN where a texel's slab is not determined) and applies Eq. 5.
-pub fn reduce(texels: &[Texel], sigma: &[[[f64; 2]; 3]], h: f64) -> Paper {
+pub fn reduce(texels: &[LeafWideTexel], sigma: &[[[f64; 2]; 3]], h: f64) -> PaperReduction {
     let mut mean = [[0.0; 2]; 3];
     let mut err = [[f64::INFINITY; 2]; 3];
     for c in 0..3 {
@@ -63,7 +63,7 @@ pub fn reduce(texels: &[Texel], sigma: &[[[f64; 2]; 3]], h: f64) -> Paper {
         thickness.push(if solved.is_empty() { f64::NAN } else { solved.iter().sum::<f64>() / solved.len() as f64 });
         gamma.push([0, 1, 2].map(|c: usize| x.rho_d[c] / a_half[c]));
     }
-    Paper {
+    PaperReduction {
         sigma_a: [0, 1, 2].map(|c: usize| mean[c][0]),
         sigma_s: [0, 1, 2].map(|c: usize| mean[c][1]),
         sigma_a_err: [0, 1, 2].map(|c: usize| err[c][0]),
@@ -76,7 +76,7 @@ pub fn reduce(texels: &[Texel], sigma: &[[[f64; 2]; 3]], h: f64) -> Paper {
 }
 
 /// Transmittance that Eq. 5 gives for a thickness, with B frozen.
-pub fn transmittance(paper: &Paper, thickness: f64) -> [f64; 3] {
+pub fn transmittance(paper: &PaperReduction, thickness: f64) -> [f64; 3] {
     [0, 1, 2].map(|c: usize| (-(paper.sigma_a[c] + paper.sigma_s[c]) * thickness).exp() + paper.b_omega_half[c])
 }
 
@@ -89,7 +89,7 @@ mod tests {
         let (sa, ss, h) = ([9.0, 2.6, 22.0], [18.0, 16.0, 21.0], 0.2);
         let texel = |t: f64| {
             let r = [0, 1, 2].map(|c: usize| slab::response(sa[c], ss[c], t));
-            Texel {
+            LeafWideTexel {
                 rho_d: r.map(|r| r.rho_d),
                 rho_d_err: [1e-4; 3],
                 rho_t: r.map(|r| r.rho_t),

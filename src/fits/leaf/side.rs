@@ -1,14 +1,14 @@
 //! What the reference images of one side say before any texel is fitted: where the leaf is and what it lets through.
 
-use crate::leaf::noise::Level;
+use crate::leaf::noise::CameraNoise;
 use crate::{Error, Result};
 use mesophyll_capture::lightbox::{mask_from_transmission, transmittance};
-use mesophyll_capture::reader::Capture;
+use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::side::{Side, mirror};
 
 /// Mask and transmittance of one side, in that side's image.
 #[derive(Debug)]
-pub struct Measured {
+pub struct SideTransmittance {
     pub side: Side,
     pub mask: Vec<bool>,
     pub rho_t: Vec<[f32; 3]>,
@@ -17,8 +17,8 @@ pub struct Measured {
     pub rho_t_by_dark: Vec<[f32; 3]>,
 }
 
-impl Measured {
-    pub fn read(capture: &Capture, side: Side, level: &Level) -> Result<Measured> {
+impl SideTransmittance {
+    pub fn read(capture: &TubeCapture, side: Side, level: &CameraNoise) -> Result<SideTransmittance> {
         let (leaf, empty) = capture.lightbox(side)?;
         // The floor is that of calibrated values, but photographs of the box are in the camera's values.
         let floor = level.camera_floor() * level.lightbox;
@@ -41,7 +41,7 @@ impl Measured {
                 "no texel is on the leaf; expected a leaf darker than the bare light box, or a mask with ones",
             ));
         }
-        Ok(Measured { side, mask, rho_t: found.value, rho_t_err: found.error, rho_t_by_dark: found.by_dark })
+        Ok(SideTransmittance { side, mask, rho_t: found.value, rho_t_err: found.error, rho_t_by_dark: found.by_dark })
     }
 
     /// Texels on the leaf.

@@ -6,8 +6,8 @@
 //! were measured, their difference can tell. The part of it that noise does not explain is added to both sides as an
 //! error of the gauge (two measurements of one number: DerSimonian & Laird 1986).
 
-use super::interior::Fitted;
-use crate::record::{FitRecord, Section};
+use super::interior::LeafSideFit;
+use crate::record::{FitRecord, RecordSection};
 use mesophyll_files::quantity::RGB;
 
 /// Section of `fit.toml` that holds the comparison.
@@ -19,7 +19,7 @@ pub const APART: &str = "apart";
 pub const APART_IN_ERRORS: &str = "apart_in_errors";
 
 /// What one side says about the interior: σa and σs with relative standard errors, a channel each.
-pub struct Estimates<'a> {
+pub struct InteriorEstimates<'a> {
     /// Absorption coefficient (1/mm).
     pub sigma_a: [f64; 3],
     /// Scattering coefficient (1/mm).
@@ -30,8 +30,8 @@ pub struct Estimates<'a> {
     pub sigma_s_rel: &'a mut [f64; 3],
 }
 
-fn of(side: &mut Fitted) -> Estimates<'_> {
-    Estimates {
+fn of(side: &mut LeafSideFit) -> InteriorEstimates<'_> {
+    InteriorEstimates {
         sigma_a: side.sigma_a,
         sigma_s: side.sigma_s,
         sigma_a_rel: &mut side.sigma_a_rel,
@@ -40,7 +40,7 @@ fn of(side: &mut Fitted) -> Estimates<'_> {
 }
 
 /// [`widen`] for the sides of a scan.
-pub fn compare(done: &mut [Fitted], caliper: f64, record: &mut FitRecord) {
+pub fn compare(done: &mut [LeafSideFit], caliper: f64, record: &mut FitRecord) {
     let [front, back] = done else { return };
     widen(of(front), of(back), caliper, record);
 }
@@ -48,8 +48,8 @@ pub fn compare(done: &mut [Fitted], caliper: f64, record: &mut FitRecord) {
 /// Widens both sides' relative errors by the part of their difference that noise does not explain, and records the
 /// difference. `caliper` is the relative standard error of h. Both sides share it, so it says nothing about their
 /// difference.
-pub fn widen(front: Estimates, back: Estimates, caliper: f64, record: &mut FitRecord) {
-    let mut section = Section::default();
+pub fn widen(front: InteriorEstimates, back: InteriorEstimates, caliper: f64, record: &mut FitRecord) {
+    let mut section = RecordSection::default();
     let quantities = [
         ("sigma_a", front.sigma_a, back.sigma_a, front.sigma_a_rel, back.sigma_a_rel),
         ("sigma_s", front.sigma_s, back.sigma_s, front.sigma_s_rel, back.sigma_s_rel),

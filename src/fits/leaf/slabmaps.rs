@@ -6,29 +6,29 @@
 //! the leaf's own σa and σs.
 
 use crate::leaf::curve::Incidence;
-use crate::leaf::wide::Local;
+use crate::leaf::leaf_wide::TexelInterior;
 use mesophyll_optics::slab;
 use mesophyll_optics::slab::inverse;
 use nalgebra::Matrix2;
 
 /// σa, σs (1/mm) and their standard errors; NaN where the slab cannot be inverted at all.
 #[derive(Debug, Clone, Copy)]
-pub struct Sigma {
+pub struct SigmaEstimate {
     pub value: [f64; 2],
     pub error: [f64; 2],
 }
 
-const UNKNOWN: Sigma = Sigma { value: [f64::NAN; 2], error: [f64::NAN; 2] };
+const UNKNOWN: SigmaEstimate = SigmaEstimate { value: [f64::NAN; 2], error: [f64::NAN; 2] };
 
 /// Inverts slabs whose transmittance was measured at one incidence.
 #[derive(Debug)]
-pub struct Inverter {
+pub struct SlabInverter {
     oblique: Option<Oblique>,
 }
 
-impl Inverter {
-    pub fn new(incidence: Incidence) -> Inverter {
-        Inverter { oblique: (incidence.0 != 1.0).then(|| Oblique::new(incidence.0)) }
+impl SlabInverter {
+    pub fn new(incidence: Incidence) -> SlabInverter {
+        SlabInverter { oblique: (incidence.0 != 1.0).then(|| Oblique::new(incidence.0)) }
     }
 
     /// σ of one texel and channel `c` whose thickness was found from its own ρt. `error` holds the standard errors of
@@ -44,9 +44,9 @@ impl Inverter {
         thickness: f64,
         error: [f64; 2],
         covariance: f64,
-        local: &Local,
+        local: &TexelInterior,
         c: usize,
-    ) -> Sigma {
+    ) -> SigmaEstimate {
         let found = self.invert(rho_d, rho_t, thickness, error);
         let inverse = self.jacobian(found.value, thickness).try_inverse();
         // Where ρd and ρt alone bound nothing, a thickness does not help.
@@ -64,7 +64,7 @@ impl Inverter {
                 + (value * others).powi(2);
             variance.max(0.0).sqrt()
         });
-        Sigma { value: found.value, error }
+        SigmaEstimate { value: found.value, error }
     }
 
     /// Derivatives of (ρd, ρt as it was measured) by (σa, σs) in 1/mm; ρd and ρt are the rows.
@@ -83,11 +83,11 @@ impl Inverter {
     }
 
     /// σ at a thickness that is taken as exact. `error` holds the standard errors of (ρd, ρt).
-    pub fn invert(&self, rho_d: f64, rho_t: f64, thickness: f64, error: [f64; 2]) -> Sigma {
+    pub fn invert(&self, rho_d: f64, rho_t: f64, thickness: f64, error: [f64; 2]) -> SigmaEstimate {
         let solve = |t: f64, te: f64| {
             let e = inverse::invert(rho_d, t, thickness, error[0], te);
             if e.sigma_a.is_finite() && e.sigma_s.is_finite() {
-                Sigma { value: [e.sigma_a, e.sigma_s], error: [e.sigma_a_err, e.sigma_s_err] }
+                SigmaEstimate { value: [e.sigma_a, e.sigma_s], error: [e.sigma_a_err, e.sigma_s_err] }
             } else {
                 UNKNOWN
             }
@@ -139,8 +139,8 @@ impl Oblique {
                 let logit = OMEGA[0] + (OMEGA[1] - OMEGA[0]) * (k / SIZE[1]) as f64 / (SIZE[0] - 1) as f64;
                 let delta = (DELTA[0] + (DELTA[1] - DELTA[0]) * (k % SIZE[1]) as f64 / (SIZE[1] - 1) as f64).exp();
                 let omega = 1.0 / (1.0 + (-logit).exp());
-                let oblique = slab::exact::response_at(mu0, delta * (1.0 - omega), delta * omega, 1.0).rho_t;
-                let normal = slab::exact::response(delta * (1.0 - omega), delta * omega, 1.0).rho_t;
+                let oblique = slab::medium::response_at(mu0, delta * (1.0 - omega), delta * omega, 1.0).rho_t;
+                let normal = slab::medium::response(delta * (1.0 - omega), delta * omega, 1.0).rho_t;
                 (oblique.max(f64::MIN_POSITIVE) / normal.max(f64::MIN_POSITIVE)).ln()
             })
             .collect();
@@ -178,10 +178,10 @@ mod tests {
     #[test]
     fn an_oblique_light_box_gives_the_same_leaf() {
         let mu0 = 55f64.to_radians().cos();
-        let inverter = Inverter::new(Incidence(mu0));
+        let inverter = SlabInverter::new(Incidence(mu0));
         for (a, s) in [(2.6, 16.0), (9.0, 18.0)] {
-            let r = slab::exact::response(a, s, 0.2);
-            let t = slab::exact::response_at(mu0, a, s, 0.2).rho_t;
+            let r = slab::medium::response(a, s, 0.2);
+            let t = slab::medium::response_at(mu0, a, s, 0.2).rho_t;
             let found = inverter.invert(r.rho_d, t, 0.2, [1e-5; 2]);
             assert!((found.value[0] / a - 1.0).abs() < 2e-4 && (found.value[1] / s - 1.0).abs() < 2e-4, "{found:?}");
         }
@@ -193,10 +193,10 @@ mod tests {
     fn derivatives_of_what_was_measured() {
         let h = 0.2;
         for mu0 in [1.0, 55f64.to_radians().cos()] {
-            let inverter = Inverter::new(Incidence(mu0));
+            let inverter = SlabInverter::new(Incidence(mu0));
             for (a, s) in [(2.6, 16.0), (9.0, 18.0), (0.4, 25.0)] {
                 let measured = |a: f64, s: f64| {
-                    [slab::exact::response(a, s, h).rho_d, slab::exact::response_at(mu0, a, s, h).rho_t]
+                    [slab::medium::response(a, s, h).rho_d, slab::medium::response_at(mu0, a, s, h).rho_t]
                 };
                 let found = inverter.jacobian([a, s], h);
                 for (column, da, ds) in [(0, 1e-3 * a, 0.0), (1, 0.0, 1e-3 * s)] {

@@ -4,14 +4,14 @@
 //! A part is the unit of resuming and of sharding. It is written under `parts/`, completely or not at all, and is named
 //! by its side and first row. It does not depend on which process made it or with how many threads.
 
-use crate::gloss::{TexelFit, TexelFitter};
+use crate::gloss::{GlossTexelFit, GlossTexelFitter};
 use crate::leaf::defect;
-use crate::leaf::held_out::Splits;
-use crate::leaf::noise::Level;
+use crate::leaf::held_out::FrameSplits;
+use crate::leaf::noise::CameraNoise;
 use crate::{Error, Result};
-use mesophyll_capture::reader::Capture;
-use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll_files::progress::{Bar, go_on};
+use mesophyll_capture::reader::TubeCapture;
+use mesophyll_files::image::{ChannelMaps, Packing, read_exr, write_exr};
+use mesophyll_files::progress::{TaskProgress, go_on};
 use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_optics::defect::{Defect, GOOD};
 use mesophyll_optics::side::Side;
@@ -46,29 +46,29 @@ const DARK: &str = "dark.";
 const DISCARDED: &str = "discarded";
 
 /// Standard errors of channel `c` of a quantity, of the merged parts.
-pub fn error(parts: &Maps, quantity: Quantity, c: usize) -> &[f32] {
+pub fn error(parts: &ChannelMaps, quantity: Quantity, c: usize) -> &[f32] {
     parts.get(&format!("{ERROR}{}", quantity.channel(c))).unwrap_or_default()
 }
 
 /// The same to change.
-pub fn error_mut(parts: &mut Maps, quantity: Quantity, c: usize) -> Option<&mut Vec<f32>> {
+pub fn error_mut(parts: &mut ChannelMaps, quantity: Quantity, c: usize) -> Option<&mut Vec<f32>> {
     let name = format!("{ERROR}{}", quantity.channel(c));
     parts.channels.iter_mut().find(|(n, _)| *n == name).map(|(_, plane)| plane)
 }
 
 /// What one standard deviation of the dark frame does to channel `c` of ρd, of the merged parts.
-pub fn by_dark(parts: &Maps, c: usize) -> &[f32] {
+pub fn by_dark(parts: &ChannelMaps, c: usize) -> &[f32] {
     parts.get(&format!("{DARK}{}", Quantity::RhoD.channel(c))).unwrap_or_default()
 }
 
 /// χ² and degrees of freedom of every texel, of the merged parts.
-pub fn chi2(parts: &Maps) -> (&[f32], &[f32]) {
+pub fn chi2(parts: &ChannelMaps) -> (&[f32], &[f32]) {
     let plane = |q| parts.scalar(q).unwrap_or_default();
     (plane(Quantity::Chi2), plane(Quantity::Freedom))
 }
 
 /// Readings of every texel that its fit left out as outliers, of the merged parts.
-pub fn discarded(parts: &Maps) -> &[f32] {
+pub fn discarded(parts: &ChannelMaps) -> &[f32] {
     parts.get(DISCARDED).unwrap_or_default()
 }
 
@@ -79,7 +79,7 @@ pub fn format() -> String {
 
 /// Which parts this process makes: every N-th from the I-th (0-based).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shard {
+pub struct FitShard {
     /// Which of the shards this process is, from 0.
     pub index: usize,
     /// How many shards there are.
@@ -88,13 +88,13 @@ pub struct Shard {
 
 /// The parts of one side.
 pub(crate) struct Job<'a> {
-    pub capture: &'a Capture,
+    pub capture: &'a TubeCapture,
     pub side: Side,
     pub mask: &'a [bool],
-    pub fitter: &'a TexelFitter,
-    pub level: &'a Level,
+    pub fitter: &'a GlossTexelFitter,
+    pub level: &'a CameraNoise,
     /// Which frames the fitter sees.
-    pub splits: &'a Splits,
+    pub splits: &'a FrameSplits,
     /// Folder of the part files.
     pub parts: &'a Path,
 }
@@ -117,7 +117,7 @@ impl Job<'_> {
     ///
     /// # Errors
     /// Frames that cannot be read, parts that cannot be written.
-    pub fn run(&self, shard: Shard, first: usize, bar: &Bar) -> Result<Seconds> {
+    pub fn run(&self, shard: FitShard, first: usize, bar: &TaskProgress) -> Result<Seconds> {
         let mut spent = Seconds::default();
         for part in (0..self.count()).filter(|p| (first + p) % shard.count == shard.index) {
             let texels = self.texels(part);
@@ -171,7 +171,7 @@ impl Job<'_> {
                     Ok(self.fitter.fit_under(&noise[n], workspace, at, trace_x, second))
                 },
             )
-            .collect::<Result<Vec<TexelFit>>>()?;
+            .collect::<Result<Vec<GlossTexelFit>>>()?;
         spent.fitting += clock.elapsed().as_secs_f64();
         let maps = to_maps(manifest.width, rows, texels, &fits);
         write_exr(&self.path(part), &maps, Packing::Zip)
@@ -186,7 +186,7 @@ impl Job<'_> {
     ///
     /// # Errors
     /// A part that is missing, or that is none of this fit.
-    pub fn merge(&self) -> Result<Maps> {
+    pub fn merge(&self) -> Result<ChannelMaps> {
         let manifest = &self.capture.manifest;
         let names = channels();
         let mut planes: Vec<Vec<f32>> = vec![Vec::with_capacity(manifest.width * manifest.height); names.len()];
@@ -204,7 +204,7 @@ impl Job<'_> {
             }
         }
         let channels = names.into_iter().zip(planes).collect();
-        Ok(Maps { width: manifest.width, height: manifest.height, channels })
+        Ok(ChannelMaps { width: manifest.width, height: manifest.height, channels })
     }
 }
 
@@ -215,7 +215,7 @@ pub(crate) struct Seconds {
     pub fitting: f64,
 }
 
-fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelFit]) -> Maps {
+fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[GlossTexelFit]) -> ChannelMaps {
     let names = channels();
     let mut planes = vec![vec![0f32; width * rows.len()]; names.len()];
     for (t, fit) in texels.iter().zip(fits) {
@@ -240,12 +240,12 @@ fn to_maps(width: usize, rows: Range<usize>, texels: &[[u32; 2]], fits: &[TexelF
             plane[at] = v as f32;
         }
     }
-    Maps { width, height: rows.len(), channels: names.into_iter().zip(planes).collect() }
+    ChannelMaps { width, height: rows.len(), channels: names.into_iter().zip(planes).collect() }
 }
 
 /// Terminations as numbers in part files.
-const TERMINATIONS: [mesophyll_base::solve::Termination; 9] = {
-    use mesophyll_base::solve::Termination as T;
+const TERMINATIONS: [mesophyll_base::solvers::Termination; 9] = {
+    use mesophyll_base::solvers::Termination as T;
     [
         T::GradientSmall,
         T::CostConverged,
@@ -259,7 +259,7 @@ const TERMINATIONS: [mesophyll_base::solve::Termination; 9] = {
     ]
 };
 
-fn termination_code(t: mesophyll_base::solve::Termination) -> f64 {
+fn termination_code(t: mesophyll_base::solvers::Termination) -> f64 {
     TERMINATIONS.iter().position(|&x| x == t).map_or(-1.0, |k| k as f64)
 }
 

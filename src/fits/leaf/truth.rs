@@ -9,11 +9,11 @@
 use super::texels;
 use crate::Result;
 use crate::leaf::curve::Incidence;
-use crate::leaf::interior::Fitted;
-use crate::leaf::slabmaps::Inverter;
+use crate::leaf::interior::LeafSideFit;
+use crate::leaf::slabmaps::SlabInverter;
 use crate::record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
-use mesophyll_capture::reader::Capture;
-use mesophyll_files::image::Maps;
+use mesophyll_capture::reader::TubeCapture;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -22,19 +22,19 @@ const SIGMA: [Quantity; 2] = [Quantity::SigmaA, Quantity::SigmaS];
 
 /// The fit against the truth.
 #[derive(Default)]
-pub struct Comparison {
+pub struct TruthComparison {
     /// By quantity.
     pub errors: BTreeMap<String, TruthError>,
     /// Extra figures (angles of normals).
     pub figures: BTreeMap<String, f64>,
     /// The truth of the σ maps.
-    pub pigment: Option<Maps>,
+    pub pigment: Option<ChannelMaps>,
 }
 
 /// Compares every quantity that both sides hold; empty where the capture has no truth.
-pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
+pub fn compare(capture: &TubeCapture, fitted: &LeafSideFit) -> Result<TruthComparison> {
     let (mut errors, mut figures) = (BTreeMap::new(), BTreeMap::new());
-    let Some(truth) = capture.truth(fitted.side)? else { return Ok(Comparison::default()) };
+    let Some(truth) = capture.truth(fitted.side)? else { return Ok(TruthComparison::default()) };
     let good: Vec<usize> = fitted.at.iter().map(|&k| k as usize).collect();
     for quantity in [Quantity::RhoD, Quantity::RhoS, Quantity::M] {
         let mut all = Samples::default();
@@ -134,7 +134,7 @@ pub fn compare(capture: &Capture, fitted: &Fitted) -> Result<Comparison> {
             figures.insert("normal_p99_error_deg".into(), angles[(angles.len() * 99) / 100]);
         }
     }
-    Ok(Comparison { errors, figures, pigment: Some(pigment).filter(|p| !p.channels.is_empty()) })
+    Ok(TruthComparison { errors, figures, pigment: Some(pigment).filter(|p| !p.channels.is_empty()) })
 }
 
 /// How σa follows the absorption of the mesophyll in a leaf made of layers, from pairs of absorption and σa: their
@@ -162,7 +162,7 @@ struct Gauge {
 }
 
 impl Gauge {
-    fn of(truth: &Maps, fitted: &Fitted, good: &[usize]) -> Gauge {
+    fn of(truth: &ChannelMaps, fitted: &LeafSideFit, good: &[usize]) -> Gauge {
         let mean = |quantity: Quantity, c: usize| {
             let map = truth.plane(quantity, c)?;
             Some(good.iter().map(|&k| f64::from(map[k])).sum::<f64>() / good.len().max(1) as f64)
@@ -181,10 +181,10 @@ impl Gauge {
 /// The true leaf as the fit's σ maps describe it: σa and σs of every good texel from the texel's true ρd, ρt and
 /// thickness. So the maps explain by pigment what the truth may store as an albedo factor γ beside one σa and σs for
 /// the whole leaf. NaN elsewhere; no map where the truth lacks a channel.
-pub fn pigment(truth: &Maps, good: &[usize]) -> Maps {
-    let mut out = Maps::new(truth.width, truth.height);
+pub fn pigment(truth: &ChannelMaps, good: &[usize]) -> ChannelMaps {
+    let mut out = ChannelMaps::new(truth.width, truth.height);
     let Some(thickness) = truth.scalar(Quantity::Thickness) else { return out };
-    let exact = Inverter::new(Incidence(1.0));
+    let exact = SlabInverter::new(Incidence(1.0));
     for c in 0..3 {
         let (Some(d), Some(t)) = (truth.plane(Quantity::RhoD, c), truth.plane(Quantity::RhoT, c)) else {
             continue;
@@ -224,7 +224,7 @@ impl Samples {
         self.inside += usize::from((found - truth).abs() <= 1.96 * error + 2.4e-7 * truth.abs());
     }
 
-    fn maps(&mut self, truth: &Maps, fit: &Maps, quantity: Quantity, c: usize, good: &[usize]) {
+    fn maps(&mut self, truth: &ChannelMaps, fit: &ChannelMaps, quantity: Quantity, c: usize, good: &[usize]) {
         if let (Some(t), Some(v)) = (truth.plane(quantity, c), fit.plane(quantity, c)) {
             let e = texels::error(fit, quantity, c);
             for &k in good {

@@ -1,11 +1,11 @@
 //! Values changed by hand: how an edit changes a leaf's record and its maps. The window, the hand-over to renderers and
 //! the saved fit all use it.
 
-use crate::leaf_folder::{BLADE, Error, File, LeafFit, Result};
-use crate::record::Section;
+use crate::leaf_folder::{BLADE, Error, LeafFit, LeafFitFile, Result};
+use crate::record::RecordSection;
 use mesophyll_files::atomic::{self, explain};
 use mesophyll_files::hash;
-use mesophyll_files::image::{self, Maps, Packing};
+use mesophyll_files::image::{self, ChannelMaps, Packing};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::slab;
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// The changes of one side: factors on σa and σs (a colour channel each), on ρs and on m, and an addition to the
 /// thickness (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Edit {
+pub struct LeafSideEdit {
     /// Factor on σa, a colour channel.
     pub sigma_a: [f64; 3],
     /// Factor on σs, a colour channel.
@@ -27,17 +27,17 @@ pub struct Edit {
     pub m: f64,
 }
 
-impl Default for Edit {
+impl Default for LeafSideEdit {
     /// Changes nothing.
     fn default() -> Self {
-        Edit { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0, rho_s: 1.0, m: 1.0 }
+        LeafSideEdit { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0, rho_s: 1.0, m: 1.0 }
     }
 }
 
-impl Edit {
+impl LeafSideEdit {
     /// Changes the side's parameters. A value that is set by hand has no standard error, and what was measured on the
     /// fitted leaf does not apply to this one.
-    pub fn record(&self, section: &mut Section) {
+    pub fn record(&self, section: &mut RecordSection) {
         for (quantity, factor) in [
             (Quantity::SigmaA, Some(self.sigma_a)),
             (Quantity::SigmaS, Some(self.sigma_s)),
@@ -57,7 +57,7 @@ impl Edit {
 
     /// Changes the side's maps of σa, σs, thickness, ρs and m, on a leaf whose mean thickness is then `thickness_mm`.
     /// Where an edit takes away more than a thin texel has, a thousandth of the mean is left.
-    pub fn maps(&self, maps: &mut Maps, thickness_mm: f64) {
+    pub fn maps(&self, maps: &mut ChannelMaps, thickness_mm: f64) {
         let mut change = |quantity: Quantity, c: usize, factor: f64, more: f64| {
             if let Some(plane) = maps.plane_mut(quantity, c) {
                 plane.iter_mut().for_each(|v| *v = (f64::from(*v) * factor + more) as f32);
@@ -83,7 +83,7 @@ impl Edit {
 ///
 /// # Errors
 /// [`crate::leaf_folder::Error::Input`] naming `path` and the channel that is missing.
-pub(crate) fn solve(path: &Path, maps: &mut Maps, sigma_a: [f64; 3], sigma_s: [f64; 3]) -> Result<()> {
+pub(crate) fn solve(path: &Path, maps: &mut ChannelMaps, sigma_a: [f64; 3], sigma_s: [f64; 3]) -> Result<()> {
     let thickness = maps.require_scalar(path, Quantity::Thickness)?.to_vec();
     let gamma = maps.require_three(path, Quantity::Gamma)?.map(<[f32]>::to_vec);
     for c in 0..3 {
@@ -114,7 +114,7 @@ pub fn save(leaf: &LeafFit, folder: &Path) -> Result<PathBuf> {
     let mut record = leaf.record.clone();
     record.scan = None;
     // Files that no edit changes are copied. Other files that the folder lists are not part of an edited leaf.
-    let copied = leaf.sides().map(|s| File::Errors.name(s)).chain([BLADE.to_string()]);
+    let copied = leaf.sides().map(|s| LeafFitFile::Errors.name(s)).chain([BLADE.to_string()]);
     let copied: Vec<String> = copied.filter(|name| record.files.contains_key(name)).collect();
     for name in &copied {
         let from = leaf.folder.join(name);
@@ -128,9 +128,9 @@ pub fn save(leaf: &LeafFit, folder: &Path) -> Result<PathBuf> {
         record.options.entry(name.into()).and_modify(|said| said.push_str("; changed by hand since"));
     }
     for side in leaf.sides() {
-        image::write_exr(&File::Maps.path(&target, side), &leaf.solved(side)?, Packing::Zip)?;
+        image::write_exr(&LeafFitFile::Maps.path(&target, side), &leaf.solved(side)?, Packing::Zip)?;
     }
-    let all = leaf.sides().map(|s| File::Maps.name(s)).chain(copied);
+    let all = leaf.sides().map(|s| LeafFitFile::Maps.name(s)).chain(copied);
     record.files = all.map(|name| hash::file(&target.join(&name)).map(|hash| (name, hash))).collect::<Result<_>>()?;
     record.write(&target)?;
     Ok(target)
@@ -142,14 +142,14 @@ mod tests {
 
     #[test]
     fn a_thicker_leaf_reflects_and_transmits_as_its_slab_says() {
-        let mut maps = Maps::new(2, 1);
+        let mut maps = ChannelMaps::new(2, 1);
         for c in 0..3 {
             maps.add(Quantity::Gamma, c, vec![1.0, 0.9]);
             maps.add(Quantity::SigmaA, c, vec![2.0, 3.0]);
             maps.add(Quantity::RhoS, c, vec![0.1; 2]);
         }
         maps.add(Quantity::Thickness, 0, vec![0.2, f32::NAN]);
-        let edit = Edit { sigma_a: [1.0, 2.0, 1.0], thickness_mm: 0.1, rho_s: 0.5, ..Edit::default() };
+        let edit = LeafSideEdit { sigma_a: [1.0, 2.0, 1.0], thickness_mm: 0.1, rho_s: 0.5, ..LeafSideEdit::default() };
         edit.maps(&mut maps, 0.3);
         assert_eq!(maps.plane(Quantity::SigmaA, 1), Some(&[4.0, 6.0][..]));
         assert_eq!(maps.plane(Quantity::SigmaA, 0), Some(&[2.0, 3.0][..]));

@@ -1,10 +1,10 @@
 //! The folder of a leaf fit: the names of its files, and the fit as it is read.
 
-use crate::leaf_folder::edit::{self, Edit};
+use crate::leaf_folder::edit::{self, LeafSideEdit};
 use crate::leaf_folder::{Error, Result};
-use crate::record::{FitKind, FitRecord, Section};
+use crate::record::{FitKind, FitRecord, RecordSection};
 use mesophyll_files::hash;
-use mesophyll_files::image::{self, ExrInfo, Maps};
+use mesophyll_files::image::{self, ChannelMaps, ExrInfo};
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::{Side, Sides};
@@ -16,7 +16,7 @@ pub const BLADE: &str = "blade.glb";
 
 /// A file that the folder holds for each side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum File {
+pub enum LeafFitFile {
     /// `front.exr`: the quantities, named as [`Quantity::channel`] says.
     Maps,
     /// `front_err.exr`: their standard errors under the same names.
@@ -27,9 +27,9 @@ pub enum File {
     HeldOut,
 }
 
-impl File {
+impl LeafFitFile {
     /// The files that are part of the fit.
-    pub const ALL: [File; 3] = [File::Maps, File::Errors, File::HeldOut];
+    pub const ALL: [LeafFitFile; 3] = [LeafFitFile::Maps, LeafFitFile::Errors, LeafFitFile::HeldOut];
 
     /// Name of the file for a side.
     pub fn name(self, side: Side) -> String {
@@ -39,10 +39,10 @@ impl File {
     /// As [`File::name`], for a section of a record, which need not be a side.
     pub fn of(self, section: &str) -> String {
         let what = match self {
-            File::Maps => "",
-            File::Errors => "_err",
-            File::Truth => "_truth",
-            File::HeldOut => "_held_out",
+            LeafFitFile::Maps => "",
+            LeafFitFile::Errors => "_err",
+            LeafFitFile::Truth => "_truth",
+            LeafFitFile::HeldOut => "_held_out",
         };
         format!("{section}{what}.exr")
     }
@@ -62,9 +62,9 @@ pub struct LeafFit {
     pub folder: PathBuf,
     /// Its `fit.toml`.
     pub record: FitRecord,
-    maps: Arc<Sides<OnceLock<Maps>>>,
+    maps: Arc<Sides<OnceLock<ChannelMaps>>>,
     /// What was changed by hand since the leaf was fitted, and the fit before the change.
-    edited: Option<(Sides<Edit>, Box<LeafFit>)>,
+    edited: Option<(Sides<LeafSideEdit>, Box<LeafFit>)>,
 }
 
 impl LeafFit {
@@ -99,7 +99,7 @@ impl LeafFit {
 
     /// The leaf with values changed by hand. Its record changes at once, its maps when they are asked for. The ρd and
     /// ρt maps stay unchanged until [`LeafFit::solved`] is called.
-    pub fn edited(&self, edits: Sides<Edit>) -> LeafFit {
+    pub fn edited(&self, edits: Sides<LeafSideEdit>) -> LeafFit {
         let fit = self.edited.as_ref().map_or(self, |(_, fit)| fit);
         let mut record = fit.record.clone();
         for (side, edit) in edits.iter() {
@@ -124,7 +124,7 @@ impl LeafFit {
     ///
     /// # Errors
     /// [`Error::Input`] where the side was not fitted.
-    pub fn section(&self, side: Side) -> Result<&Section> {
+    pub fn section(&self, side: Side) -> Result<&RecordSection> {
         self.record.sections.get(side.name()).ok_or_else(|| {
             Error::field(&self.record_path(), side.name(), "missing; expected the section of this side of the leaf")
         })
@@ -191,7 +191,7 @@ impl LeafFit {
     }
 
     /// Path of a file of a side.
-    pub fn path(&self, file: File, side: Side) -> PathBuf {
+    pub fn path(&self, file: LeafFitFile, side: Side) -> PathBuf {
         file.path(&self.folder, side)
     }
 
@@ -199,13 +199,13 @@ impl LeafFit {
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing or damaged.
-    pub fn maps(&self, side: Side) -> Result<&Maps> {
+    pub fn maps(&self, side: Side) -> Result<&ChannelMaps> {
         let place = &self.maps[side];
         if let Some(maps) = place.get() {
             return Ok(maps);
         }
         let maps = match &self.edited {
-            None => image::read_exr(&self.path(File::Maps, side))?,
+            None => image::read_exr(&self.path(LeafFitFile::Maps, side))?,
             Some((edits, fit)) => {
                 let mut maps = fit.maps(side)?.clone();
                 edits[side].maps(&mut maps, self.thickness(side)?);
@@ -225,13 +225,13 @@ impl LeafFit {
     ///
     /// # Errors
     /// As [`LeafFit::maps`], and for a parameter or a channel that is missing.
-    pub fn solved(&self, side: Side) -> Result<Maps> {
+    pub fn solved(&self, side: Side) -> Result<ChannelMaps> {
         if self.is_stated() {
             return self.maps(side).cloned();
         }
         let (sigma_a, sigma_s) = (self.rgb(side, Quantity::SigmaA)?, self.rgb(side, Quantity::SigmaS)?);
         let mut maps = self.maps(side)?.clone();
-        edit::solve(&self.path(File::Maps, side), &mut maps, sigma_a, sigma_s)?;
+        edit::solve(&self.path(LeafFitFile::Maps, side), &mut maps, sigma_a, sigma_s)?;
         Ok(maps)
     }
 
@@ -245,7 +245,7 @@ impl LeafFit {
     /// # Errors
     /// [`Error::Input`] for a file that is missing or damaged.
     pub fn info(&self, side: Side) -> Result<ExrInfo> {
-        image::exr_info(&self.path(File::Maps, side))
+        image::exr_info(&self.path(LeafFitFile::Maps, side))
     }
 
     /// The blade's mesh; `None` where the fit made none.

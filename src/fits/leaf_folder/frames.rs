@@ -1,7 +1,7 @@
 //! Turns normals of the scan into the mesh's tangent frame, texel by texel. Both renderers interpolate mapped normals
 //! in that frame, because it bends with the blade.
 
-use crate::leaf_folder::{Result, fill};
+use crate::leaf_folder::{Result, filling};
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::side::Side;
@@ -28,7 +28,7 @@ pub fn frames(path: &Path, mesh: &LeafMesh, width: usize, height: usize) -> Resu
         });
     }
     let covered: Vec<bool> = planes[0].iter().map(|v| v.is_finite()).collect();
-    fill::require(path, &mut planes, &covered, width, height)?;
+    filling::require(path, &mut planes, &covered, width, height)?;
     // The texture chart of a leaf is nowhere mirrored, so one handedness holds for all of it.
     let hand = mesh.tangents.first().map_or(1.0, |t| t.1);
     Ok((0..width * height)

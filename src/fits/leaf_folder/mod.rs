@@ -8,12 +8,12 @@
 #![warn(missing_docs)]
 
 pub mod edit;
-pub mod fill;
+pub mod filling;
 mod folder;
 pub mod frames;
-pub mod pack;
+pub mod packing;
 pub mod previews;
 
-pub use folder::{BLADE, File, LeafFit};
+pub use folder::{BLADE, LeafFit, LeafFitFile};
 
 pub(crate) use mesophyll_base::error::{Error, Result};

@@ -1,7 +1,7 @@
 //! 8-bit previews of a fit's maps, for people.
 
 use crate::leaf_folder::Result;
-use mesophyll_files::image::{Maps, to_srgb8, write_png};
+use mesophyll_files::image::{ChannelMaps, to_srgb8, write_png};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Side;
 use std::path::Path;
@@ -11,7 +11,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// A folder that cannot be written.
-pub fn write(out: &Path, side: Side, values: &Maps) -> Result<()> {
+pub fn write(out: &Path, side: Side, values: &ChannelMaps) -> Result<()> {
     let mask = values.scalar(Quantity::Mask).unwrap_or_default();
     let alpha = |k: usize| if mask[k] == 0.0 { 0 } else { 255 };
     let save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| {

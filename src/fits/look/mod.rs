@@ -9,10 +9,10 @@ mod output;
 mod tests;
 mod texels;
 
-use crate::record::maker::{self, Maker, Outcome};
+use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::record::{FitKind, FitRecord};
 use crate::{Error, Result};
-use mesophyll_capture::photo::manifest::Transfer;
+use mesophyll_capture::photo::manifest::TransferCurve;
 use mesophyll_files::hash;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ const LEAST_SLOPE: f64 = 1e-3;
 /// Which way green counts in a map of normals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Green {
+pub enum GreenConvention {
     /// Up in the picture.
     Opengl,
     /// Down in the picture.
@@ -43,7 +43,7 @@ pub struct Look {
     /// The picture of the front. Its colours are taken for ρd.
     pub albedo: PathBuf,
     /// The curve by which numbers of colours stand for light; when absent, the one that the file's own profile states.
-    pub transfer: Option<Transfer>,
+    pub transfer: Option<TransferCurve>,
     /// A picture whose brightness is the opacity; when absent, the opacity that the albedo's file holds.
     pub opacity: Option<PathBuf>,
     /// Opacity from which a texel is on the leaf.
@@ -57,7 +57,7 @@ pub struct Look {
     /// A map of normals of the front, each n coded as (n + 1)/2.
     pub normal: Option<PathBuf>,
     /// Which way its green counts.
-    pub green: Option<Green>,
+    pub green: Option<GreenConvention>,
     /// Left, top, width and height of the rectangle of all pictures that is the leaf (pixels).
     pub region: Option<[usize; 4]>,
     /// Width of the picture, or of the region (mm).
@@ -181,12 +181,12 @@ pub fn run(look: &Look, name: &str, out: &Path, force: bool) -> Result<FitRecord
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     let (look, name) = (look.clone(), name.to_string());
     match maker::make(FitKind::Look, out, &inputs, move |maker| make(&look, &name, force, maker))? {
-        Outcome::Done(record) | Outcome::UpToDate(record) => Ok(*record),
-        Outcome::ShardDone { .. } => Err(Error::Missed("a look has no shards".into())),
+        FitOutcome::Done(record) | FitOutcome::UpToDate(record) => Ok(*record),
+        FitOutcome::ShardDone { .. } => Err(Error::Missed("a look has no shards".into())),
     }
 }
 
-fn make(look: &Look, name: &str, force: bool, maker: &mut Maker) -> Result<Outcome> {
+fn make(look: &Look, name: &str, force: bool, maker: &mut FitMaker) -> Result<FitOutcome> {
     let input = maker.phase("hash the pictures", || look.input_hash())?;
     if let Some(found) = maker.up_to_date(input, force)? {
         return Ok(found);
@@ -196,5 +196,5 @@ fn make(look: &Look, name: &str, force: bool, maker: &mut Maker) -> Result<Outco
     let out = maker.begin()?.to_path_buf();
     maker.phase("blade and maps", || output::write(&out, look, name, &found, &mut record))?;
     maker.finish(&record)?;
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }

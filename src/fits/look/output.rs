@@ -1,13 +1,13 @@
 //! The folder of a look: the files that a fit of a leaf leaves, and a record that names all that is stated.
 
 use super::texels::Texels;
-use super::{Green, Look, SLOPE, THICKNESS_MM};
-use crate::leaf::blade::{Grid, glb, mesh};
-use crate::leaf_folder::{BLADE, File, previews};
-use crate::record::{FitRecord, Param, STATED, Section};
+use super::{GreenConvention, Look, SLOPE, THICKNESS_MM};
+use crate::leaf::blade::{TexelGrid, glb, mesh};
+use crate::leaf_folder::{BLADE, LeafFitFile, previews};
+use crate::record::{FitParameter, FitRecord, RecordSection, STATED};
 use crate::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::{Side, mirror};
 use std::path::{Path, PathBuf};
@@ -21,12 +21,12 @@ pub(super) fn write(out: &Path, look: &Look, name: &str, found: &Texels, record:
     let mut names = Vec::new();
     for side in Side::ALL {
         let values = maps(look, found, side);
-        write_exr(&File::Maps.path(out, side), &values, Packing::Zip)?;
+        write_exr(&LeafFitFile::Maps.path(out, side), &values, Packing::Zip)?;
         previews::write(out, side, &values)?;
         record.sections.insert(side.name().into(), section(look, found));
-        names.push(File::Maps.name(side));
+        names.push(LeafFitFile::Maps.name(side));
     }
-    let grid = Grid { width: found.width, height: found.height, texel: found.texel_mm };
+    let grid = TexelGrid { width: found.width, height: found.height, texel: found.texel_mm };
     let through: Vec<[f32; 3]> = found.cover.iter().map(|c| [1.0 - c; 3]).collect();
     let flat = vec![Some([0.0; 2]); found.on.len()];
     let Some(blade) = mesh::build(&grid, &found.on, Some(&through), &flat) else {
@@ -35,7 +35,7 @@ pub(super) fn write(out: &Path, look: &Look, name: &str, found: &Texels, record:
     glb::write(&out.join(BLADE), name, &blade)?;
     let figures = [("blade_area_mm2", blade.area), ("blade_vertices", blade.positions.len() as f64)];
     let figures = figures.map(|(n, v)| (n.to_string(), v)).into_iter().collect();
-    record.sections.insert("blade".into(), Section { figures, ..Section::default() });
+    record.sections.insert("blade".into(), RecordSection { figures, ..RecordSection::default() });
     names.push(BLADE.into());
     for name in names {
         record.files.insert(name.clone(), hash::file(&out.join(&name))?);
@@ -74,7 +74,7 @@ fn describe(look: &Look, found: &Texels, record: &mut FitRecord) {
         "normal",
         match (&look.normal, look.green) {
             (Some(path), Some(green)) => {
-                let way = if green == Green::Opengl { "up (opengl)" } else { "down (directx)" };
+                let way = if green == GreenConvention::Opengl { "up (opengl)" } else { "down (directx)" };
                 format!("{}, green counts {way}; the back has the front's bumps as dents", named(path))
             }
             _ => "flat".into(),
@@ -96,9 +96,9 @@ fn describe(look: &Look, found: &Texels, record: &mut FitRecord) {
 }
 
 /// The maps of a side as its own camera sees it.
-fn maps(look: &Look, found: &Texels, side: Side) -> Maps {
+fn maps(look: &Look, found: &Texels, side: Side) -> ChannelMaps {
     let (w, n) = (found.width, found.on.len());
-    let mut out = Maps::new(w, found.height);
+    let mut out = ChannelMaps::new(w, found.height);
     let back = side == Side::Back;
     let mut add = |quantity: Quantity, c: usize, of: &dyn Fn(usize) -> f32| {
         let plane: Vec<f32> = (0..n).map(of).collect();
@@ -119,20 +119,20 @@ fn maps(look: &Look, found: &Texels, side: Side) -> Maps {
     out
 }
 
-fn section(look: &Look, found: &Texels) -> Section {
+fn section(look: &Look, found: &Texels) -> RecordSection {
     let good = found.on.iter().filter(|on| **on).count();
     let counts =
         [("texels", found.on.len()), ("outside", found.on.len() - good), ("good", good), ("scaled", found.scaled)];
-    let thickness = Param {
+    let thickness = FitParameter {
         value: vec![look.thickness_mm.unwrap_or(THICKNESS_MM)],
         stderr: vec![f64::INFINITY],
         unit: "mm".into(),
         undetermined: vec!["thickness: stated, not fitted".into()],
-        ..Param::default()
+        ..FitParameter::default()
     };
-    Section {
+    RecordSection {
         counts: counts.map(|(name, count)| (name.to_string(), count)).into_iter().collect(),
         params: [(Quantity::Thickness.name().to_string(), thickness)].into(),
-        ..Section::default()
+        ..RecordSection::default()
     }
 }

@@ -1,8 +1,8 @@
 //! Looks made of pictures that are drawn here, whose colours, opacity and normals are formulas.
 
 use super::*;
-use crate::leaf_folder::edit::{Edit, save};
-use crate::leaf_folder::{File, LeafFit};
+use crate::leaf_folder::edit::{LeafSideEdit, save};
+use crate::leaf_folder::{LeafFit, LeafFitFile};
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::{Side, Sides};
@@ -31,7 +31,7 @@ fn leaf() -> (tempfile::TempDir, Look) {
 }
 
 fn light(code: u8) -> f32 {
-    Transfer::Srgb.light(f64::from(code) / 255.0) as f32
+    TransferCurve::Srgb.light(f64::from(code) / 255.0) as f32
 }
 
 fn made(look: &Look, dir: &tempfile::TempDir) -> LeafFit {
@@ -87,7 +87,7 @@ fn a_picture_becomes_the_maps_and_the_blade_of_a_leaf_that_says_it_is_stated() {
 fn an_edited_look_is_still_stated() {
     let (dir, look) = leaf();
     let found = made(&Look { rho_s: Some([0.04; 3]), m: Some(0.3), ..look }, &dir);
-    let edit = Edit { rho_s: 0.5, m: 2.0, sigma_a: [3.0; 3], ..Edit::default() };
+    let edit = LeafSideEdit { rho_s: 0.5, m: 2.0, sigma_a: [3.0; 3], ..LeafSideEdit::default() };
     let saved = save(&found.edited(Sides::of(|_| edit)), dir.path()).unwrap();
     let saved = LeafFit::open(&saved).unwrap();
     saved.record.verify(&saved.folder).unwrap();
@@ -141,7 +141,7 @@ fn a_region_of_an_atlas_picks_one_leaf_with_all_its_maps() {
         translucency: Some(at("t.png")),
         rho_t_factor: None,
         normal: Some(at("gl.png")),
-        green: Some(Green::Opengl),
+        green: Some(GreenConvention::Opengl),
         ..look
     };
     // The rectangles that the refusal offers are those of the leaves.
@@ -158,7 +158,7 @@ fn a_region_of_an_atlas_picks_one_leaf_with_all_its_maps() {
     // Row 21 of the maps is row 32 of the picture.
     let l = (1.0 + slope(32).powi(2)).sqrt();
     assert!((f64::from(found.normal[k][1]) - slope(32) / l).abs() < 0.01, "{:?}", found.normal[k]);
-    let directx = Look { normal: Some(at("dx.png")), green: Some(Green::Directx), region, ..atlas.clone() };
+    let directx = Look { normal: Some(at("dx.png")), green: Some(GreenConvention::Directx), region, ..atlas.clone() };
     let other = texels::read(&directx).unwrap();
     assert!(other.normal.iter().zip(&found.normal).all(|(a, b)| (0..3).all(|c| (a[c] - b[c]).abs() < 0.02)));
     // A grey picture is a share of the albedo.
@@ -177,7 +177,7 @@ fn a_region_of_an_atlas_picks_one_leaf_with_all_its_maps() {
     run(&Look { region, ..atlas.clone() }, "leaf", &folder, false).unwrap();
     let fit = LeafFit::open(&folder).unwrap();
     let back = fit.maps(Side::Back).unwrap().three(Quantity::Normal).unwrap();
-    assert!((back[1][k] + found.normal[k][1]).abs() < 1e-6 && File::Maps.path(&folder, Side::Back).is_file());
+    assert!((back[1][k] + found.normal[k][1]).abs() < 1e-6 && LeafFitFile::Maps.path(&folder, Side::Back).is_file());
 }
 
 /// A bump has slopes across and down, so a wrong sign of green is seen.
@@ -193,8 +193,8 @@ fn the_wrong_way_of_green_is_noticed() {
     };
     RgbImage::from_fn(SIZE, SIZE, normal).save(&path).unwrap();
     let with = |green| texels::read(&Look { normal: Some(path.clone()), green: Some(green), ..look.clone() }).unwrap();
-    assert_eq!(with(Green::Opengl).warnings, Vec::<String>::new());
-    let said = with(Green::Directx).warnings.join(" ");
+    assert_eq!(with(GreenConvention::Opengl).warnings, Vec::<String>::new());
+    let said = with(GreenConvention::Directx).warnings.join(" ");
     assert!(said.contains("green = \"opengl\""), "{said}");
 }
 
@@ -232,14 +232,14 @@ fn what_contradicts_itself_is_refused_by_name() {
     RgbImage::from_pixel(SIZE, SIZE, Rgb([90, 120, 40])).save(at("bare.png")).unwrap();
     // A map of normals that was brightened as a colour.
     RgbImage::from_pixel(SIZE, SIZE, Rgb([188, 188, 255])).save(at("brightened.png")).unwrap();
-    let normal = |name: &str| Look { normal: Some(at(name)), green: Some(Green::Opengl), ..look.clone() };
+    let normal = |name: &str| Look { normal: Some(at(name)), green: Some(GreenConvention::Opengl), ..look.clone() };
     for (look, words) in [
         (normal("small.png"), "small.png: found 32x32 pixels, expected 64x64 as the albedo has"),
         (normal("brightened.png"), "normal of length 1"),
         (Look { opacity: Some(at("empty.png")), ..look.clone() }, "empty.png: opacity: only 0 of"),
         (Look { albedo: at("bare.png"), ..look.clone() }, "holds no opacity"),
         (Look { transfer: None, ..look.clone() }, "no colour profile"),
-        (Look { transfer: Some(Transfer::Linear), ..look.clone() }, "8 bits"),
+        (Look { transfer: Some(TransferCurve::Linear), ..look.clone() }, "8 bits"),
         (Look { region: Some([0, 0, 65, 64]), ..look.clone() }, "region: found [0, 0, 65, 64], expected"),
         (Look { region: Some([0, 0, 64, 3]), ..look.clone() }, "opacity: only 0 of"),
     ] {

@@ -1,12 +1,12 @@
 //! From pictures to texels: the outline by the opacity, means over blocks of pixels, and what sends back more light
 //! than falls on it.
 
-use super::{Green, Look, TEXELS};
-use crate::leaf_folder::fill;
+use super::{GreenConvention, Look, TEXELS};
+use crate::leaf_folder::filling;
 use crate::{Error, Result};
 use mesophyll_capture::lightbox::pieces;
-use mesophyll_capture::photo::colours::{Colours, Meaning, read as picture};
-use mesophyll_capture::photo::manifest::Transfer;
+use mesophyll_capture::photo::colours::{ColourPicture, PictureEncoding, read as picture};
+use mesophyll_capture::photo::manifest::TransferCurve;
 use mesophyll_files::progress;
 use rayon::prelude::*;
 use std::path::Path;
@@ -43,7 +43,7 @@ pub(super) struct Texels {
     /// Normals of the front: x right, y up, z out.
     pub normal: Vec<[f32; 3]>,
     /// The curve of the albedo.
-    pub transfer: Transfer,
+    pub transfer: TransferCurve,
     /// Texels that were scaled, because they would have sent back more light than falls on them.
     pub scaled: usize,
     /// What is unusual, a sentence each.
@@ -62,7 +62,7 @@ struct Part {
 }
 
 impl Part {
-    fn new(look: &Look, picture: &Colours) -> Result<Part> {
+    fn new(look: &Look, picture: &ColourPicture) -> Result<Part> {
         let (w, h) = (picture.width, picture.height);
         let region = look.region.unwrap_or([0, 0, w, h]);
         let [left, top, width, height] = region;
@@ -97,7 +97,7 @@ impl Part {
     }
 
     /// The first three numbers of a picture, averaged over each texel with `weight`; NaN where nothing has a weight.
-    fn means(&self, of: &Colours, weight: &[f32]) -> Vec<[f32; 3]> {
+    fn means(&self, of: &ColourPicture, weight: &[f32]) -> Vec<[f32; 3]> {
         self.each(|k| {
             let (mut sum, mut all) = ([0.0f64; 3], 0.0);
             for p in self.pixels(k, of.width).filter(|p| weight[*p] > 0.0) {
@@ -115,8 +115,8 @@ impl Part {
 /// # Errors
 /// [`Error::Input`] for a picture that cannot be read, has another size than the albedo, or contradicts what is stated.
 pub(super) fn read(look: &Look) -> Result<Texels> {
-    let albedo = picture(&look.albedo, Meaning::Light(look.transfer))?;
-    let same = |path: &Path, meaning: Meaning| -> Result<Colours> {
+    let albedo = picture(&look.albedo, PictureEncoding::Light(look.transfer))?;
+    let same = |path: &Path, meaning: PictureEncoding| -> Result<ColourPicture> {
         let found = picture(path, meaning)?;
         if (found.width, found.height) != (albedo.width, albedo.height) {
             let expected = format!("{}x{} as the albedo has", albedo.width, albedo.height);
@@ -129,7 +129,7 @@ pub(super) fn read(look: &Look) -> Result<Texels> {
     };
     let part = Part::new(look, &albedo)?;
     let opacity: Vec<f32> = match &look.opacity {
-        Some(path) => same(path, Meaning::Numbers)?.pixels.iter().map(|p| (p[0] + p[1] + p[2]) / 3.0).collect(),
+        Some(path) => same(path, PictureEncoding::Numbers)?.pixels.iter().map(|p| (p[0] + p[1] + p[2]) / 3.0).collect(),
         None if albedo.has_opacity => albedo.pixels.iter().map(|p| p[3]).collect(),
         None => {
             let what = "the file holds no opacity, and no picture of it is stated: nothing says where the leaf ends; \
@@ -141,19 +141,19 @@ pub(super) fn read(look: &Look) -> Result<Texels> {
     let (cover, on) = outline(look, &part, &opacity, albedo.width, &mut warnings)?;
     let weight: Vec<f32> = opacity.iter().map(|o| o.max(0.0)).collect();
     // Texels beside the leaf take the values of the nearest one on it, so that interpolation at the rim stays there.
-    let means = |of: &Colours| -> Vec<[f32; 3]> {
+    let means = |of: &ColourPicture| -> Vec<[f32; 3]> {
         let mut planes = [part.means(of, &weight)];
-        fill::nearest(&mut planes, &on, part.width, part.height);
+        filling::nearest(&mut planes, &on, part.width, part.height);
         let [plane] = planes;
         plane
     };
     let front = means(&albedo);
-    let back = look.back.as_ref().map(|path| same(path, Meaning::Light(look.transfer))).transpose()?;
+    let back = look.back.as_ref().map(|path| same(path, PictureEncoding::Light(look.transfer))).transpose()?;
     let back = back.map_or_else(|| front.clone(), |back| means(&back));
     let rho_t = through(look, &front, same, means)?;
     let normal = match &look.normal {
         None => vec![[0.0, 0.0, 1.0]; on.len()],
-        Some(path) => normals(look, path, &part, &same(path, Meaning::Numbers)?, &weight, &on, &mut warnings)?,
+        Some(path) => normals(look, path, &part, &same(path, PictureEncoding::Numbers)?, &weight, &on, &mut warnings)?,
     };
     let texel_mm = look.width_mm.unwrap_or(f64::NAN) / part.width as f64;
     let mut out = Texels {
@@ -258,19 +258,19 @@ impl Part {
 fn through(
     look: &Look,
     albedo: &[[f32; 3]],
-    same: impl Fn(&Path, Meaning) -> Result<Colours>,
-    means: impl Fn(&Colours) -> Vec<[f32; 3]>,
+    same: impl Fn(&Path, PictureEncoding) -> Result<ColourPicture>,
+    means: impl Fn(&ColourPicture) -> Vec<[f32; 3]>,
 ) -> Result<Vec<[f32; 3]>> {
     let factor = look.rho_t_factor.unwrap_or(1.0) as f32;
     let Some(path) = &look.translucency else {
         return Ok(albedo.iter().map(|c| c.map(|v| factor * v)).collect());
     };
     // A share is no light, so that it has no curve. Whether the file holds one is known only when it is read.
-    let shares = same(path, Meaning::Numbers)?;
+    let shares = same(path, PictureEncoding::Numbers)?;
     if shares.grey {
         return Ok(albedo.iter().zip(means(&shares)).map(|(c, share)| c.map(|v| factor * share[0] * v)).collect());
     }
-    let colours = means(&same(path, Meaning::Light(look.transfer))?);
+    let colours = means(&same(path, PictureEncoding::Light(look.transfer))?);
     Ok(colours.into_iter().map(|c| c.map(|v| factor * v)).collect())
 }
 
@@ -279,12 +279,12 @@ fn normals(
     look: &Look,
     path: &Path,
     part: &Part,
-    coded: &Colours,
+    coded: &ColourPicture,
     weight: &[f32],
     on: &[bool],
     warnings: &mut Vec<String>,
 ) -> Result<Vec<[f32; 3]>> {
-    let decoded = Colours {
+    let decoded = ColourPicture {
         pixels: coded
             .pixels
             .iter()
@@ -305,16 +305,16 @@ fn normals(
         return Err(Error::input(path, what));
     }
     let mut planes = [part.means(&decoded, weight)];
-    fill::nearest(&mut planes, on, part.width, part.height);
+    filling::nearest(&mut planes, on, part.width, part.height);
     let [mut out] = planes;
-    let up = if look.green == Some(Green::Directx) { -1.0 } else { 1.0 };
+    let up = if look.green == Some(GreenConvention::Directx) { -1.0 } else { 1.0 };
     for n in &mut out {
         let l = length(n);
         *n = if l > 0.1 { [n[0] / l, up * n[1] / l, n[2] / l] } else { [0.0, 0.0, 1.0] };
     }
     let [stated, other] = curls(&out, on, part.width);
     if stated > 2.0 * other {
-        let name = if look.green == Some(Green::Directx) { "opengl" } else { "directx" };
+        let name = if look.green == Some(GreenConvention::Directx) { "opengl" } else { "directx" };
         warnings.push(format!(
             "normal: its slopes make a surface better with green = \"{name}\" (their curl is {:.1} times as large as \
              stated)",
@@ -384,7 +384,7 @@ impl Texels {
         let (w, h) = (self.width, self.height);
         let [front, back] = &mut self.rho_d;
         let mut planes = [std::mem::take(front), std::mem::take(back), std::mem::take(&mut self.rho_t)];
-        fill::nearest(&mut planes, &self.on, w, h);
+        filling::nearest(&mut planes, &self.on, w, h);
         [self.rho_d[0], self.rho_d[1], self.rho_t] = planes;
         Ok(())
     }

@@ -7,16 +7,16 @@
 mod output;
 
 use crate::leaf::curve::Incidence;
+use crate::leaf::indeterminacy;
 use crate::leaf::interior::start;
+use crate::leaf::leaf_wide::{self, LeafSharedErrors, LeafWideFit, LeafWideSettings, LeafWideTexel};
 use crate::leaf::outliers;
-use crate::leaf::sides::{Estimates, widen};
-use crate::leaf::slabmaps::{Inverter, Sigma};
-use crate::leaf::undetermined;
-use crate::leaf::wide::{self, Common, Settings, Texel, Wide};
+use crate::leaf::sides::{InteriorEstimates, widen};
+use crate::leaf::slabmaps::{SigmaEstimate, SlabInverter};
 use crate::record::FitKind;
-use crate::record::maker::{self, Maker, Outcome};
+use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::{Error, Result};
-use mesophyll_capture::photo::{Manifest, Reduced, reduce};
+use mesophyll_capture::photo::{PhotoManifest, PhotoMaps, reduce};
 use mesophyll_optics::defect::Defect;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab::inverse;
@@ -36,7 +36,7 @@ pub(crate) const DEFECTS: [Defect; 7] = [
 ];
 
 /// One fitted side, in the image of the camera that saw it. Vectors of texels run over `at`.
-pub struct Fitted {
+pub struct PhotoSideFit {
     /// Which side it is.
     pub side: Side,
     /// 1 good, 0 off the leaf, negative a defect.
@@ -44,13 +44,13 @@ pub struct Fitted {
     /// Indices of the good texels.
     pub at: Vec<u32>,
     /// Their readings.
-    pub texels: Vec<Texel>,
+    pub texels: Vec<LeafWideTexel>,
     /// The leaf-wide solution.
-    pub wide: Wide,
+    pub wide: LeafWideFit,
     /// Relative standard errors of σa and σs; they include that of the thickness.
     pub relative: [[f64; 3]; 2],
     /// σa and σs of every texel.
-    pub sigma: Vec<[Sigma; 3]>,
+    pub sigma: Vec<[SigmaEstimate; 3]>,
 }
 
 /// Fits the capture into the folder `out`; `force` fits again although the folder holds this very fit.
@@ -58,14 +58,14 @@ pub struct Fitted {
 /// # Errors
 /// Unreadable or invalid captures (exit code 2), a folder that cannot be written or holds something else (2), a fit
 /// that does not converge on any side (1).
-pub fn run(capture: &Path, out: &Path, force: bool) -> Result<Outcome> {
+pub fn run(capture: &Path, out: &Path, force: bool) -> Result<FitOutcome> {
     let folder = capture.to_path_buf();
     maker::make(FitKind::Leaf, out, &[capture], move |maker| fit(&folder, force, maker))
 }
 
-fn fit(folder: &Path, force: bool, maker: &mut Maker) -> Result<Outcome> {
+fn fit(folder: &Path, force: bool, maker: &mut FitMaker) -> Result<FitOutcome> {
     let step = Instant::now();
-    let manifest = Manifest::read(folder)?;
+    let manifest = PhotoManifest::read(folder)?;
     let input = maker::input_hash([("capture", manifest.hash(folder)?.as_str())]);
     if let Some(found) = maker.up_to_date(input, force)? {
         return Ok(found);
@@ -89,15 +89,15 @@ fn fit(folder: &Path, force: bool, maker: &mut Maker) -> Result<Outcome> {
             out.join("fit.toml").display()
         )));
     }
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }
 
 /// The interior of one side.
-fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -> Result<Fitted> {
+fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: Side) -> Result<PhotoSideFit> {
     let seen = reduced.side(side);
     let [h, h_err] = manifest.thickness();
     let mut status = seen.status.clone();
-    let texel = |k: usize| Texel {
+    let texel = |k: usize| LeafWideTexel {
         rho_d: seen.rho_d[k].map(|d| d.max(0.0)),
         rho_d_err: seen.rho_d_err[k],
         rho_t: seen.rho_t[k],
@@ -106,7 +106,7 @@ fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -
     };
     let gather = |status: &[i16]| {
         let at: Vec<u32> = (0..status.len() as u32).filter(|&k| status[k as usize] == 1).collect();
-        let texels: Vec<Texel> = at.iter().map(|&k| texel(k as usize)).collect();
+        let texels: Vec<LeafWideTexel> = at.iter().map(|&k| texel(k as usize)).collect();
         (at, texels)
     };
     let (mut at, mut texels) = gather(&status);
@@ -118,18 +118,20 @@ fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -
     if texels.len() < 16 {
         return Err(none(&status));
     }
-    let mean = |texels: &[Texel], c: usize| texels.iter().map(|t| t.rho_d[c]).sum::<f64>() / texels.len() as f64;
+    let mean =
+        |texels: &[LeafWideTexel], c: usize| texels.iter().map(|t| t.rho_d[c]).sum::<f64>() / texels.len() as f64;
     // Errors of ρd that no average takes away, relative to its mean: the stated ones, and what cutting at zero lifts it
     // by.
-    let common = |texels: &[Texel]| {
-        let lifted = undetermined::common(texels, seen.alike);
+    let common = |texels: &[LeafWideTexel]| {
+        let lifted = indeterminacy::common(texels, seen.alike);
         let own = [0, 1, 2].map(|c: usize| (seen.shared[c] / mean(texels, c).max(1e-12)).hypot(lifted.own[c]).min(1e3));
-        Common { own, ..lifted }
+        LeafSharedErrors { own, ..lifted }
     };
-    let solve = |texels: &[Texel]| {
+    let solve = |texels: &[LeafWideTexel]| {
         let common = common(texels);
-        let settings = Settings { h, incidence: Incidence(1.0), relative: 0.0, robust: true, iterations: 80, common };
-        wide::fit(texels, &[], start(texels, h), &settings)
+        let settings =
+            LeafWideSettings { h, incidence: Incidence(1.0), relative: 0.0, robust: true, iterations: 80, common };
+        leaf_wide::fit(texels, &[], start(texels, h), &settings)
     };
     let mut wide = solve(&texels);
     for (k, _) in outliers::of_leaf(&texels, &wide, h) {
@@ -142,7 +144,7 @@ fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -
         (at, texels) = gather(&status);
         wide = solve(&texels);
     }
-    let inverter = Inverter::new(Incidence(1.0));
+    let inverter = SlabInverter::new(Incidence(1.0));
     let sigma = (0..texels.len())
         .into_par_iter()
         .map(|k| {
@@ -157,41 +159,46 @@ fn interior(folder: &Path, manifest: &Manifest, reduced: &Reduced, side: Side) -
                     let error = own.error[q].hypot(shared.error[q]).hypot(own.value[q] * h_err / h);
                     if error.is_nan() { f64::INFINITY } else { error }
                 });
-                Sigma { error, ..own }
+                SigmaEstimate { error, ..own }
             })
         })
         .collect();
     let own = |q: usize| [0, 1, 2].map(|c: usize| wide.covariance[(2 * c + q, 2 * c + q)].sqrt());
     let mut relative = [own(0), own(1)];
-    for c in (0..3).filter(|&c| undetermined::opaque(&texels, c, |x, c| x.rho_t_floor[c])) {
+    for c in (0..3).filter(|&c| indeterminacy::opaque(&texels, c, |x, c| x.rho_t_floor[c])) {
         // All that came through in this channel may be noise. Then the curvature where the fit stopped says nothing
         // about thicker slabs, and the mean texel's slab is the best estimate there is.
         relative.iter_mut().for_each(|r| r[c] = f64::INFINITY);
-        let found = undetermined::mean_texel(&texels, c, h, |x, c| x.rho_t_floor[c], &common(&texels));
+        let found = indeterminacy::mean_texel(&texels, c, h, |x, c| x.rho_t_floor[c], &common(&texels));
         for (value, estimate) in [(&mut wide.sigma_a[c], found.sigma_a), (&mut wide.sigma_s[c], found.sigma_s)] {
             if estimate.is_finite() {
                 *value = estimate;
             }
         }
     }
-    Ok(Fitted { side, status, at, texels, wide, relative, sigma })
+    Ok(PhotoSideFit { side, status, at, texels, wide, relative, sigma })
 }
 
-fn of(side: &mut Fitted) -> Estimates<'_> {
+fn of(side: &mut PhotoSideFit) -> InteriorEstimates<'_> {
     let [sigma_a_rel, sigma_s_rel] = &mut side.relative;
-    Estimates { sigma_a: side.wide.sigma_a, sigma_s: side.wide.sigma_s, sigma_a_rel, sigma_s_rel }
+    InteriorEstimates { sigma_a: side.wide.sigma_a, sigma_s: side.wide.sigma_s, sigma_a_rel, sigma_s_rel }
 }
 
 /// Adds to the relative errors what both sides share: first the part of their difference that noise does not explain,
 /// then the common error of ρt and that of the thickness.
-fn share(manifest: &Manifest, reduced: &Reduced, sides: &mut [Fitted; 2], record: &mut crate::record::FitRecord) {
+fn share(
+    manifest: &PhotoManifest,
+    reduced: &PhotoMaps,
+    sides: &mut [PhotoSideFit; 2],
+    record: &mut crate::record::FitRecord,
+) {
     let [front, back] = sides;
     widen(of(front), of(back), 0.0, record);
     let [h, h_err] = manifest.thickness();
     for side in sides {
         let n = side.texels.len() as f64;
         for c in 0..3 {
-            let mean = |f: &dyn Fn(&Texel) -> f64| side.texels.iter().map(f).sum::<f64>() / n;
+            let mean = |f: &dyn Fn(&LeafWideTexel) -> f64| side.texels.iter().map(f).sum::<f64>() / n;
             let (d, t) = (mean(&|x| x.rho_d[c]), mean(&|x| x.rho_t[c]));
             let moved = |t: f64| inverse::invert(d, t, h, 1e-4, 1e-4);
             // Half the difference between a ρt that is one common error too high and one that is too low.

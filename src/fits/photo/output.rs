@@ -1,18 +1,18 @@
 //! The folder of a leaf fit, from photographs: the same files, channels and sections as from a scan under a tube.
 
 use super::DEFECTS;
-use super::Fitted;
+use super::PhotoSideFit;
 use crate::Result;
 use crate::dome::output::judged;
-use crate::leaf::blade::{Grid, glb, mesh};
+use crate::leaf::blade::{TexelGrid, glb, mesh};
 use crate::leaf::faults::thickness;
-use crate::leaf::faults::through;
-use crate::leaf_folder::{BLADE, File, fill, previews};
-use crate::record::{FitRecord, Param, Residuals, Section};
-use mesophyll_capture::photo::{Manifest, Reduced};
+use crate::leaf::faults::transmittance;
+use crate::leaf_folder::{BLADE, LeafFitFile, filling, previews};
+use crate::record::{FitParameter, FitRecord, RecordSection, ResidualStatistics};
+use mesophyll_capture::photo::{PhotoManifest, PhotoMaps};
 use mesophyll_capture::truth_path;
 use mesophyll_files::hash;
-use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
+use mesophyll_files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::slab::inverse;
@@ -25,29 +25,29 @@ use std::path::Path;
 pub fn write(
     out: &Path,
     folder: &Path,
-    manifest: &Manifest,
-    reduced: &Reduced,
-    sides: &[Fitted; 2],
+    manifest: &PhotoManifest,
+    reduced: &PhotoMaps,
+    sides: &[PhotoSideFit; 2],
     record: &mut FitRecord,
 ) -> Result<()> {
     describe(manifest, reduced, record);
     // Only one side was seen on the light table, so nothing compares what comes through both ways.
-    record.faults = sides.iter().filter_map(|s| through::energy(s.side.name(), &s.status)).collect();
+    record.faults = sides.iter().filter_map(|s| transmittance::energy(s.side.name(), &s.status)).collect();
     record.faults.extend(thickness("the stated thickness (mm)", manifest.thickness()[0], &["front", "back"]));
-    let grid = Grid { width: reduced.width, height: reduced.height, texel: reduced.texel_mm };
+    let grid = TexelGrid { width: reduced.width, height: reduced.height, texel: reduced.texel_mm };
     let mut names = Vec::new();
     for fitted in sides {
         let (values, errors) = maps(manifest, &grid, reduced, fitted);
-        write_exr(&File::Maps.path(out, fitted.side), &values, Packing::Zip)?;
-        write_exr(&File::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
+        write_exr(&LeafFitFile::Maps.path(out, fitted.side), &values, Packing::Zip)?;
+        write_exr(&LeafFitFile::Errors.path(out, fitted.side), &errors, Packing::Zip)?;
         previews::write(out, fitted.side, &values)?;
         let mut section = section(manifest, reduced, fitted);
-        through::apply(&record.faults, fitted.side.name(), &mut section);
+        transmittance::apply(&record.faults, fitted.side.name(), &mut section);
         if let Some(truth) = truth(folder, reduced, fitted.side)? {
             section.truth = judged(&truth, &fitted.status, &values, &errors);
         }
         record.sections.insert(fitted.side.name().into(), section);
-        names.extend([File::Maps, File::Errors].map(|f| f.name(fitted.side)));
+        names.extend([LeafFitFile::Maps, LeafFitFile::Errors].map(|f| f.name(fitted.side)));
     }
     // Open shade shows no normals, so the blade is flat.
     let flat = vec![Some([0.0; 2]); grid.width * grid.height];
@@ -57,7 +57,7 @@ pub fn write(
         glb::write(&out.join(BLADE), &manifest.name, &blade)?;
         let figures = [("blade_area_mm2", blade.area), ("blade_vertices", blade.positions.len() as f64)];
         let figures = figures.map(|(n, v)| (n.to_string(), v)).into_iter().collect();
-        record.sections.insert("blade".into(), Section { figures, ..Section::default() });
+        record.sections.insert("blade".into(), RecordSection { figures, ..RecordSection::default() });
         names.push(BLADE.into());
     }
     for name in names {
@@ -68,7 +68,7 @@ pub fn write(
 }
 
 /// Options, gauges, and what this set-up cannot know.
-fn describe(manifest: &Manifest, reduced: &Reduced, record: &mut FitRecord) {
+fn describe(manifest: &PhotoManifest, reduced: &PhotoMaps, record: &mut FitRecord) {
     record.defects = DEFECTS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("capture_kind", "photo".into());
@@ -107,14 +107,20 @@ fn describe(manifest: &Manifest, reduced: &Reduced, record: &mut FitRecord) {
     );
 }
 
-fn maps(manifest: &Manifest, grid: &Grid, reduced: &Reduced, fitted: &Fitted) -> (Maps, Maps) {
+fn maps(
+    manifest: &PhotoManifest,
+    grid: &TexelGrid,
+    reduced: &PhotoMaps,
+    fitted: &PhotoSideFit,
+) -> (ChannelMaps, ChannelMaps) {
     let n = grid.width * grid.height;
     let side = reduced.side(fitted.side);
     let good: Vec<bool> = fitted.status.iter().map(|s| *s == 1).collect();
-    let source = fill::sources(&good, grid.width, grid.height);
+    let source = filling::sources(&good, grid.width, grid.height);
     let mut place = vec![0usize; n];
     fitted.at.iter().enumerate().for_each(|(k, &at)| place[at as usize] = k);
-    let (mut values, mut errors) = (Maps::new(grid.width, grid.height), Maps::new(grid.width, grid.height));
+    let (mut values, mut errors) =
+        (ChannelMaps::new(grid.width, grid.height), ChannelMaps::new(grid.width, grid.height));
     let mut add = |quantity: Quantity, c: usize, value: &dyn Fn(usize) -> f64, error: &dyn Fn(usize) -> f64| {
         // `value` and `error` take a good texel's place among the good ones.
         let from = |k: usize| place[source.as_ref().map_or(k, |s| s[k] as usize)];
@@ -161,8 +167,8 @@ fn maps(manifest: &Manifest, grid: &Grid, reduced: &Reduced, fitted: &Fitted) ->
     (values, errors)
 }
 
-fn section(manifest: &Manifest, reduced: &Reduced, fitted: &Fitted) -> Section {
-    let mut s = Section::default();
+fn section(manifest: &PhotoManifest, reduced: &PhotoMaps, fitted: &PhotoSideFit) -> RecordSection {
+    let mut s = RecordSection::default();
     let count = |code: i16| fitted.status.iter().filter(|v| **v == code).count();
     s.counts.insert("texels".into(), fitted.status.len());
     s.counts.insert("outside".into(), count(0));
@@ -174,7 +180,7 @@ fn section(manifest: &Manifest, reduced: &Reduced, fitted: &Fitted) -> Section {
     let [h, h_err] = manifest.thickness();
     let parameter = |quantity: Quantity, value: [f64; 3], relative: [f64; 3]| {
         let open = |c: &usize| !(relative[*c] <= inverse::DETERMINED && value[*c].is_finite());
-        Param {
+        FitParameter {
             value: value.to_vec(),
             stderr: (0..3)
                 .map(|c| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY })
@@ -193,7 +199,7 @@ fn section(manifest: &Manifest, reduced: &Reduced, fitted: &Fitted) -> Section {
     {
         s.params.insert(quantity.name().into(), parameter(quantity, value, relative));
     }
-    let thickness = Param {
+    let thickness = FitParameter {
         value: vec![h],
         stderr: vec![h_err],
         stderr_caliper: vec![h_err],
@@ -208,7 +214,7 @@ fn section(manifest: &Manifest, reduced: &Reduced, fitted: &Fitted) -> Section {
     let reduced_chi2 = chi2 / (2 * fitted.at.len()).saturating_sub(6).max(1) as f64;
     s.residuals.insert(
         "transmittance".into(),
-        Residuals {
+        ResidualStatistics {
             samples: 3 * fitted.at.len(),
             chi2,
             reduced_chi2,
@@ -230,14 +236,14 @@ fn section(manifest: &Manifest, reduced: &Reduced, fitted: &Fitted) -> Section {
 
 /// The true maps of a synthetic capture on the texels of the fit; `None` where there are none. They have the pixels of
 /// the front's picture, the back's mirrored.
-fn truth(folder: &Path, reduced: &Reduced, side: Side) -> Result<Option<Maps>> {
+fn truth(folder: &Path, reduced: &PhotoMaps, side: Side) -> Result<Option<ChannelMaps>> {
     let path = truth_path(folder, side);
     if !path.exists() {
         return Ok(None);
     }
     let pixels = read_exr(&path)?;
     let (w, step) = (pixels.width, reduced.step);
-    let mut maps = Maps::new(reduced.width, reduced.height);
+    let mut maps = ChannelMaps::new(reduced.width, reduced.height);
     for (name, plane) in &pixels.channels {
         let mean = |k: usize| {
             let [x, y] = [reduced.origin[0] + k % reduced.width * step, reduced.origin[1] + k / reduced.width * step];

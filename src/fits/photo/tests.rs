@@ -1,12 +1,12 @@
 //! Reduced photographs of a leaf that is known in closed form.
 
 use super::*;
-use mesophyll_capture::photo::{Noise, ReducedSide, Scale};
-use mesophyll_optics::slab::exact::response;
+use mesophyll_capture::photo::{PhotoSideMaps, PictureScale, SensorNoise};
+use mesophyll_optics::slab::medium::response;
 
 const N: usize = 24;
 
-fn manifest() -> Manifest {
+fn manifest() -> PhotoManifest {
     toml::from_str(
         r#"
         schema = 1
@@ -29,7 +29,7 @@ const SIGMA: [[f64; 2]; 3] = [[12.0, 6.0], [4.0, 12.0], [20.0, 5.0]];
 
 /// Both sides of an even leaf with noise `error` in ρd and ρt, a channel each; `shared` is the error that all texels
 /// share: relative of ρd, absolute of ρd, relative of ρt.
-fn reduced(change: impl Fn(usize, usize, &mut [f64; 2]), error: [[f64; 2]; 3], shared: [f64; 3]) -> Reduced {
+fn reduced(change: impl Fn(usize, usize, &mut [f64; 2]), error: [[f64; 2]; 3], shared: [f64; 3]) -> PhotoMaps {
     let (mut rho_d, mut rho_t) = (Vec::new(), Vec::new());
     for k in 0..N * N {
         let pair = [0, 1, 2].map(|c: usize| {
@@ -41,7 +41,7 @@ fn reduced(change: impl Fn(usize, usize, &mut [f64; 2]), error: [[f64; 2]; 3], s
         rho_d.push(pair.map(|p| p[0]));
         rho_t.push(pair.map(|p| p[1]));
     }
-    let side = ReducedSide {
+    let side = PhotoSideMaps {
         rho_d,
         rho_d_err: vec![error.map(|e| e[0]); N * N],
         alike: shared[0],
@@ -54,17 +54,17 @@ fn reduced(change: impl Fn(usize, usize, &mut [f64; 2]), error: [[f64; 2]; 3], s
         status: vec![1; N * N],
         figures: std::collections::BTreeMap::new(),
     };
-    Reduced {
+    PhotoMaps {
         width: N,
         height: N,
         texel_mm: 0.5,
-        scale: Scale { pixel_mm: 0.25, relative_err: 0.01, by_ticks: false },
+        scale: PictureScale { pixel_mm: 0.25, relative_err: 0.01, by_ticks: false },
         origin: [0; 2],
         step: 2,
         mask: vec![true; N * N],
         front: side.clone(),
         back: side,
-        noise: Noise::stated(1e-4, 0.0),
+        noise: SensorNoise::stated(1e-4, 0.0),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Whether a record agrees with itself, whatever its hashes say. What one of its numbers says of another is checked
 //! here for fits of every kind; what maps say is for the room that knows them.
 
-use crate::record::scan::HeldOut;
-use crate::record::{FitRecord, Param, Residuals, Section};
+use crate::record::scan::HeldOutResiduals;
+use crate::record::{FitParameter, FitRecord, RecordSection, ResidualStatistics};
 
 /// How far two numbers of a record may differ that the fit computed from the same sums, relative to the larger. Records
 /// hold double precision; a sum over millions of readings in another order loses a few digits more.
@@ -64,7 +64,7 @@ impl FitRecord {
     }
 
     /// Texels by their fate add up to all texels.
-    fn counts(&self, section: &Section, say: &mut impl FnMut(&str, String)) {
+    fn counts(&self, section: &RecordSection, say: &mut impl FnMut(&str, String)) {
         let count = |name: &str| section.counts.get(name).copied();
         let (Some(all), Some(good), Some(outside)) = (count("texels"), count("good"), count("outside")) else { return };
         let defects: usize = self.defects.values().filter_map(|name| count(name)).sum();
@@ -76,7 +76,7 @@ impl FitRecord {
     }
 }
 
-fn parameter(param: &Param, say: &mut impl FnMut(String)) {
+fn parameter(param: &FitParameter, say: &mut impl FnMut(String)) {
     let values = param.value.len();
     for (name, list) in [("stderr", &param.stderr), ("stderr_caliper", &param.stderr_caliper)] {
         if !list.is_empty() && list.len() != values {
@@ -92,7 +92,7 @@ fn parameter(param: &Param, say: &mut impl FnMut(String)) {
     }
 }
 
-fn correlation(section: &Section, say: &mut impl FnMut(&str, String)) {
+fn correlation(section: &RecordSection, say: &mut impl FnMut(&str, String)) {
     let (rows, names) = (&section.correlation, section.correlation_names.len());
     if rows.len() != names || rows.iter().any(|row| row.len() != names) {
         say("correlation", format!("found {} rows for {names} names, expected a square of that size", rows.len()));
@@ -123,7 +123,7 @@ fn correlation(section: &Section, say: &mut impl FnMut(&str, String)) {
     }
 }
 
-fn of_residuals(r: &Residuals, say: &mut impl FnMut(String)) {
+fn of_residuals(r: &ResidualStatistics, say: &mut impl FnMut(String)) {
     for (name, value) in [("chi2", r.chi2), ("reduced_chi2", r.reduced_chi2), ("rms", r.rms), ("worst", r.worst)] {
         if value < 0.0 {
             say(format!("{name} is {value}, expected 0 or more"));
@@ -139,7 +139,7 @@ fn of_residuals(r: &Residuals, say: &mut impl FnMut(String)) {
     }
 }
 
-fn held_out(held: &HeldOut, say: &mut impl FnMut(String)) {
+fn held_out(held: &HeldOutResiduals, say: &mut impl FnMut(String)) {
     let frames = held.frames.len();
     for (name, count) in [
         ("positions_mm", held.positions_mm.len()),
@@ -177,11 +177,11 @@ mod tests {
     use crate::record::FitKind;
 
     fn record() -> FitRecord {
-        let section = Section {
+        let section = RecordSection {
             counts: [("texels", 12), ("good", 9), ("outside", 2), ("dark", 1)].map(|(n, c)| (n.into(), c)).into(),
             residuals: [(
                 "gloss".to_string(),
-                Residuals { samples: 100, chi2: 90.0, reduced_chi2: 1.0, ..Residuals::default() },
+                ResidualStatistics { samples: 100, chi2: 90.0, reduced_chi2: 1.0, ..ResidualStatistics::default() },
             )]
             .into(),
             correlation_names: vec!["a".into(), "b".into()],
@@ -190,7 +190,7 @@ mod tests {
             rank: Some(2),
             held_out: [(
                 "x".to_string(),
-                HeldOut {
+                HeldOutResiduals {
                     frames: vec![3, 9],
                     positions_mm: vec![0.0, 1.0],
                     reduced_chi2: 1.05,
@@ -198,16 +198,21 @@ mod tests {
                     frame_chi2: vec![1.0, 1.1],
                     frame_expected: vec![1.02, 1.04],
                     worst_frame_chi2: 1.1,
-                    ..HeldOut::default()
+                    ..HeldOutResiduals::default()
                 },
             )]
             .into(),
             params: [(
                 "load".to_string(),
-                Param { value: vec![2.0], stderr: vec![0.1], stderr_caliper: vec![0.05], ..Param::default() },
+                FitParameter {
+                    value: vec![2.0],
+                    stderr: vec![0.1],
+                    stderr_caliper: vec![0.05],
+                    ..FitParameter::default()
+                },
             )]
             .into(),
-            ..Section::default()
+            ..RecordSection::default()
         };
         FitRecord {
             defects: [("-1".to_string(), "dark".to_string())].into(),
@@ -219,7 +224,7 @@ mod tests {
     #[test]
     fn every_number_is_held_against_the_others_that_say_it() {
         assert_eq!(record().contradictions(), Vec::<String>::new());
-        type Change = fn(&mut Section);
+        type Change = fn(&mut RecordSection);
         let changes: [(&str, Change); 11] = [
             ("front.counts: ", |s| *s.counts.get_mut("good").unwrap() = 12),
             ("front.residuals.gloss: ", |s| s.residuals.get_mut("gloss").unwrap().reduced_chi2 = 0.5),

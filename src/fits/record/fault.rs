@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How bad a fault is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Grade {
+pub enum FaultGrade {
     /// The numbers hold (the fit left out what is wrong, or its errors were widened); the measurement needs a look.
     #[default]
     Doubtful,
@@ -16,11 +16,11 @@ pub enum Grade {
 
 /// A fault with its cause, as the data show it. `[[faults]]` in `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Fault {
+pub struct MeasurementFault {
     /// Name of the kind of fault, such as `camera-angle`; the list is in `docs/good.md`.
     pub name: String,
     /// How bad it is.
-    pub grade: Grade,
+    pub grade: FaultGrade,
     /// The sides that show it: `front`, `back`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sides: Vec<String>,
@@ -32,7 +32,7 @@ pub struct Fault {
     pub says: String,
 }
 
-impl Fault {
+impl MeasurementFault {
     /// Whether it makes `quantity` of `side` wrong.
     pub fn spoils(&self, side: &str, quantity: &str) -> bool {
         self.sides.iter().any(|s| s == side) && self.spoils.iter().any(|s| s == quantity)

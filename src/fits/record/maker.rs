@@ -10,8 +10,8 @@
 //! fit computes, opens the folder for writing ([`Maker::begin`]), writes its maps, and hands over its record
 //! ([`Maker::finish`]). So an input that cannot be read is reported before the folder is touched.
 
-use crate::record::{Error, FitKind, FitRecord, Result, Times, read_toml, write_toml};
-use mesophyll_files::claim::{self, Claim, Kind};
+use crate::record::{Error, FitKind, FitRecord, FitTimes, Result, read_toml, write_toml};
+use mesophyll_files::claim::{self, FolderClaim, OutputKind};
 use mesophyll_files::{atomic, hash, progress};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -21,7 +21,7 @@ use std::time::Instant;
 
 /// How a fit of a folder ended.
 #[derive(Debug)]
-pub enum Outcome {
+pub enum FitOutcome {
     /// The fit is complete.
     Done(Box<FitRecord>),
     /// The folder already held this very fit; nothing was computed.
@@ -35,20 +35,20 @@ pub enum Outcome {
 
 /// A fit folder that is being made.
 #[derive(Debug)]
-pub struct Maker {
+pub struct FitMaker {
     kind: FitKind,
     out: PathBuf,
     inputs: Vec<PathBuf>,
     clock: Instant,
     input_hash: String,
     /// The contents of `times.toml`: phases, traces, the capture's place.
-    pub times: Times,
+    pub times: FitTimes,
     /// Folder of the finished parts; empty for a fit without parts.
     parts: Arc<OnceLock<PathBuf>>,
     /// Whether other shards may write to the folder too.
     shared: bool,
     /// The folder's lock. [`make`] has it too, so that it ends last of all, and stays with a thread that was left.
-    claim: Arc<OnceLock<Claim>>,
+    claim: Arc<OnceLock<FolderClaim>>,
 }
 
 /// Hash of everything that decides a fit: what it is made from, by name, and the program's version.
@@ -65,18 +65,18 @@ pub fn make<T: Send + 'static>(
     kind: FitKind,
     out: &Path,
     inputs: &[&Path],
-    fit: impl FnOnce(&mut Maker) -> Result<T> + Send + 'static,
+    fit: impl FnOnce(&mut FitMaker) -> Result<T> + Send + 'static,
 ) -> Result<T> {
     let clock = Instant::now();
     let new: Vec<PathBuf> = out.ancestors().take_while(|f| !f.exists()).map(Path::to_path_buf).collect();
     let (parts, claim) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
-    let mut maker = Maker {
+    let mut maker = FitMaker {
         kind,
         out: out.to_path_buf(),
         inputs: inputs.iter().map(|input| input.to_path_buf()).collect(),
         clock,
         input_hash: String::new(),
-        times: Times { threads: rayon::current_num_threads(), ..Times::default() },
+        times: FitTimes { threads: rayon::current_num_threads(), ..FitTimes::default() },
         parts: parts.clone(),
         shared: false,
         claim: claim.clone(),
@@ -105,7 +105,7 @@ fn stopped(out: &Path, parts: Option<&PathBuf>) -> Error {
     })
 }
 
-impl Maker {
+impl FitMaker {
     /// Does one phase of the fit and records how long it took.
     ///
     /// # Errors
@@ -127,8 +127,8 @@ impl Maker {
     pub fn made_from(&mut self, input_hash: String) -> Result<()> {
         self.input_hash = input_hash;
         let inputs: Vec<&Path> = self.inputs.iter().map(PathBuf::as_path).collect();
-        let with = if self.shared { claim::Use::Shared } else { claim::Use::Alone };
-        let claim = claim::folder_for(&self.out, Kind::Fit(self.kind.name()), &inputs, with)?;
+        let with = if self.shared { claim::ClaimMode::Shared } else { claim::ClaimMode::Alone };
+        let claim = claim::folder_for(&self.out, OutputKind::Fit(self.kind.name()), &inputs, with)?;
         // Nobody has set it before: a second claim would have been refused.
         let _ = self.claim.set(claim);
         Ok(())
@@ -145,7 +145,7 @@ impl Maker {
     ///
     /// # Errors
     /// [`Error::Interrupted`] after a stop.
-    pub fn alone(&self) -> Result<Option<Outcome>> {
+    pub fn alone(&self) -> Result<Option<FitOutcome>> {
         match self.claim.get() {
             Some(claim) if self.shared => claim.alone()?,
             _ => return Ok(None),
@@ -154,9 +154,9 @@ impl Maker {
     }
 
     /// The fit that the folder holds, if it is exactly this fit and unchanged.
-    fn whole(&self) -> Option<Outcome> {
+    fn whole(&self) -> Option<FitOutcome> {
         let found = FitRecord::read(&self.out).ok().filter(|record| record.input_hash == self.input_hash);
-        found.filter(|record| record.verify(&self.out).is_ok()).map(|record| Outcome::UpToDate(Box::new(record)))
+        found.filter(|record| record.verify(&self.out).is_ok()).map(|record| FitOutcome::UpToDate(Box::new(record)))
     }
 
     /// As [`Maker::made_from`]. Returns the fit that the folder holds if it is exactly this fit and unchanged; with
@@ -164,7 +164,7 @@ impl Maker {
     ///
     /// # Errors
     /// As [`Maker::made_from`].
-    pub fn up_to_date(&mut self, input_hash: String, force: bool) -> Result<Option<Outcome>> {
+    pub fn up_to_date(&mut self, input_hash: String, force: bool) -> Result<Option<FitOutcome>> {
         self.made_from(input_hash)?;
         Ok(if force { None } else { self.whole() })
     }
@@ -187,7 +187,7 @@ impl Maker {
         &mut self,
         format: &str,
         name: &str,
-        make: impl FnOnce(&Path, &mut Times) -> Result<T>,
+        make: impl FnOnce(&Path, &mut FitTimes) -> Result<T>,
     ) -> Result<T> {
         let folder = self.parts(format).to_path_buf();
         let told = folder.join(format!("{name}{PART}"));
@@ -225,7 +225,7 @@ impl Maker {
     /// A folder that cannot be written.
     pub fn begin(&self) -> Result<&Path> {
         progress::go_on()?;
-        claim::begin(&self.out, Kind::Fit(self.kind.name()))?;
+        claim::begin(&self.out, OutputKind::Fit(self.kind.name()))?;
         Ok(&self.out)
     }
 

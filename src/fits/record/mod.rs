@@ -12,11 +12,11 @@ mod seal;
 
 pub use kind::FitKind;
 
-use fault::Fault;
+use fault::MeasurementFault;
 use mesophyll_base::error::{Error, Result};
-use mesophyll_base::solve::{Termination, TraceRow};
-use mesophyll_files::{atomic, claim, hash, whole};
-use scan::{HeldOut, LightBox, Scan};
+use mesophyll_base::solvers::{Termination, TraceRow};
+use mesophyll_files::{atomic, claim, hash, whole_file};
+use scan::{HeldOutResiduals, LightBoxResiduals, ScanRecord};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -29,7 +29,7 @@ pub const SCHEMA: u32 = 1;
 
 /// A fitted parameter: one value, or one for each colour channel.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Param {
+pub struct FitParameter {
     /// One number a channel (RGB) or a single one.
     pub value: Vec<f64>,
     /// Standard errors, same length; infinite where undetermined.
@@ -49,7 +49,7 @@ pub struct Param {
 
 /// Residual statistics of a fit, weighted by the stated noise.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Residuals {
+pub struct ResidualStatistics {
     /// How many readings the fit explains.
     pub samples: usize,
     /// Sum of the squared residuals, each in units of its noise.
@@ -66,7 +66,7 @@ pub struct Residuals {
 
 /// A side of a leaf, or the only section of a fit without sides.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Section {
+pub struct RecordSection {
     /// Number of texels by fate: good, outside, and each named defect.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub counts: BTreeMap<String, usize>,
@@ -75,7 +75,7 @@ pub struct Section {
     pub terminations: BTreeMap<String, usize>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     /// Residuals by what was measured, such as `gloss` and `transmittance`.
-    pub residuals: BTreeMap<String, Residuals>,
+    pub residuals: BTreeMap<String, ResidualStatistics>,
     /// Correlations of the shared parameters, row by row, with their names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub correlation_names: Vec<String>,
@@ -96,13 +96,13 @@ pub struct Section {
     pub truth: BTreeMap<String, TruthError>,
     /// How well frames that the fit did not see are predicted, by pass.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub held_out: BTreeMap<String, HeldOut>,
+    pub held_out: BTreeMap<String, HeldOutResiduals>,
     /// How well the slab gives back what came through the light box.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub light_box: Option<LightBox>,
+    pub light_box: Option<LightBoxResiduals>,
     /// `[front.sigma_a] value = …`: parameters by name.
     #[serde(flatten)]
-    pub params: BTreeMap<String, Param>,
+    pub params: BTreeMap<String, FitParameter>,
 }
 
 /// How far a map is from the known truth.
@@ -171,23 +171,23 @@ pub struct FitRecord {
     pub files: BTreeMap<String, String>,
     /// The device of a scan under a tube.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scan: Option<Scan>,
+    pub scan: Option<ScanRecord>,
     /// Faults of the measurement that its data show.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub faults: Vec<Fault>,
+    pub faults: Vec<MeasurementFault>,
     /// Sections by name: `front`, `back`, or `all`.
     #[serde(flatten)]
-    pub sections: BTreeMap<String, Section>,
+    pub sections: BTreeMap<String, RecordSection>,
 }
 
 /// `times.toml`: everything that differs from run to run, and from place to place.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Times {
+pub struct FitTimes {
     /// Where the capture was (`fit.toml` records its content); absent for fits of something else.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capture: Option<String>,
     /// Phase name → wall time (s), in order.
-    pub phases: Vec<Phase>,
+    pub phases: Vec<FitPhase>,
     /// Wall time of the whole run (s).
     pub total_s: f64,
     /// Threads that it ran on.
@@ -202,7 +202,7 @@ pub struct Times {
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 /// One step of a run.
-pub struct Phase {
+pub struct FitPhase {
     /// What was done.
     pub name: String,
     /// Wall time (s).
@@ -306,7 +306,7 @@ impl FitRecord {
     }
 }
 
-impl Times {
+impl FitTimes {
     /// Adds a phase that began at `since` and ends now.
     pub fn phase(&mut self, name: &str, since: Instant) {
         self.spent(name, since.elapsed().as_secs_f64());
@@ -314,14 +314,14 @@ impl Times {
 
     /// Adds a phase that took this many seconds.
     pub fn spent(&mut self, name: &str, seconds: f64) {
-        self.phases.push(Phase { name: name.into(), seconds });
+        self.phases.push(FitPhase { name: name.into(), seconds });
     }
 
     /// Reads `times.toml` in `folder`.
     ///
     /// # Errors
     /// [`Error::Input`] where it is missing or is not what this program writes.
-    pub fn read(folder: &Path) -> Result<Times> {
+    pub fn read(folder: &Path) -> Result<FitTimes> {
         read_toml(&folder.join("times.toml"))
     }
     /// Writes `times.toml` into `folder`.
@@ -335,7 +335,7 @@ impl Times {
 
 /// A TOML file as a value; unknown and missing fields are named with their line.
 pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = whole::text(path)?;
+    let text = whole_file::text(path)?;
     toml::from_str(&text).map_err(|e| Error::toml(path, &text, &e))
 }
 

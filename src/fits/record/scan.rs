@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// The device of a scan as the fit used it; frames are predicted with it. `[scan]` in `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Scan {
+pub struct ScanRecord {
     /// Size of a texel (mm).
     pub texel_mm: f64,
     /// Orthographic camera in the direction (sin, 0, cos).
@@ -36,7 +36,7 @@ pub struct Scan {
     pub stored_step: usize,
 }
 
-impl Scan {
+impl ScanRecord {
     /// The tube.
     pub fn tube(&self) -> Tube {
         Tube { height_mm: self.tube_height_mm, length_mm: self.tube_length_mm, radius_mm: self.tube_radius_mm }
@@ -67,7 +67,7 @@ impl Scan {
 /// How well one pass's held-out frames are predicted. `[front.held_out.x]` in `fit.toml`; residuals are in standard
 /// deviations of the noise.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct HeldOut {
+pub struct HeldOutResiduals {
     /// Numbers of the frames that the fit did not see.
     pub frames: Vec<usize>,
     /// Where the tube stood in each of them (mm).
@@ -100,7 +100,7 @@ pub struct HeldOut {
     pub worst_at: [usize; 2],
 }
 
-impl HeldOut {
+impl HeldOutResiduals {
     /// How far predictions are off, beyond noise and chance, in units of the noise of one reading.
     pub fn off(&self) -> f64 {
         off(self.reduced_chi2, self.expected, self.stderr)
@@ -117,7 +117,7 @@ pub fn off(reduced_chi2: f64, expected: f64, stderr: f64) -> f64 {
 
 /// Compares the light box's transmittances with the slab of σa, σs and h + δ. `[front.light_box]` in `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct LightBox {
+pub struct LightBoxResiduals {
     /// Standard deviation of a transmittance: √((relative · value)² + floor²), the floor a channel.
     pub noise_relative: f64,
     /// The part of the noise that does not grow with the value, a channel.
@@ -134,7 +134,7 @@ pub struct LightBox {
     pub bias: f64,
 }
 
-impl LightBox {
+impl LightBoxResiduals {
     /// How far the slab is off, beyond noise and chance, in units of the noise of one reading.
     pub fn off(&self) -> f64 {
         off(self.reduced_chi2, self.expected, self.stderr)

@@ -41,13 +41,18 @@ pub fn verify(folder: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{FitKind, FitRecord, Param, SCHEMA, Section};
+    use crate::record::{FitKind, FitParameter, FitRecord, RecordSection, SCHEMA};
 
     fn record() -> FitRecord {
-        let load = Param { value: vec![59.567070350437795], stderr: vec![0.64], unit: "mm".into(), ..Param::default() };
-        let unknown = Param { value: vec![f64::NAN], stderr: vec![f64::INFINITY], ..Param::default() };
+        let load = FitParameter {
+            value: vec![59.567070350437795],
+            stderr: vec![0.64],
+            unit: "mm".into(),
+            ..FitParameter::default()
+        };
+        let unknown = FitParameter { value: vec![f64::NAN], stderr: vec![f64::INFINITY], ..FitParameter::default() };
         let params = [("load".to_string(), load), ("radius".to_string(), unknown)].into();
-        let sections = [("branch twig".to_string(), Section { params, ..Section::default() })].into();
+        let sections = [("branch twig".to_string(), RecordSection { params, ..RecordSection::default() })].into();
         FitRecord { schema: SCHEMA, kind: FitKind::Beam, name: "branches".into(), sections, ..FitRecord::default() }
     }
 

@@ -5,14 +5,14 @@
 //! prefactor: halfway between equal errors and the errors that a renderer sees.
 
 use super::nodes::{self, lower};
-use super::{Fitted, Form, Options};
-use crate::record::Phase;
-use mesophyll_base::solve::{Termination, TraceRow, decompose, qr};
-use mesophyll_sky::fitted::Folded;
-use mesophyll_sky::fitted::folded::{MOST_COLUMNS, MOST_ROWS, suns};
-use mesophyll_sky::fitted::mix::{Mix, Orders, scaled_turbidity};
-use mesophyll_sky::preetham::Turbid;
-use mesophyll_sky::project::Quality;
+use super::{Options, SkyFit, SkyFitForm};
+use crate::record::FitPhase;
+use mesophyll_base::solvers::{Termination, TraceRow, decomposition, qr};
+use mesophyll_sky::polynomials::FoldedPolynomials;
+use mesophyll_sky::polynomials::folding::{MOST_COLUMNS, MOST_ROWS, suns};
+use mesophyll_sky::polynomials::mix::{ColourMix, OrderIndices, scaled_turbidity};
+use mesophyll_sky::preetham::PreethamTurbidity;
+use mesophyll_sky::projection::ProjectionQuality;
 use nalgebra::{DMatrix, DVector};
 use std::time::Instant;
 
@@ -22,7 +22,7 @@ pub const COMPACT: [usize; 15] = [10, 9, 9, 8, 7, 7, 6, 5, 5, 4, 3, 3, 2, 1, 1];
 pub const FINE: [usize; 18] = [10, 10, 10, 9, 9, 9, 8, 8, 8, 7, 7, 6, 6, 5, 4, 3, 3, 2];
 
 /// Fits with a given staircase (see [`Folded`]).
-pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
+pub fn fit(options: &Options, rows: &[usize]) -> SkyFit {
     let clock = Instant::now();
     let (tall, wide) = (rows.len(), rows.iter().copied().max().unwrap_or(1));
     let (n_suns, n_turbid) = (24.max(tall + tall / 3), 12.max(wide + 2));
@@ -30,18 +30,18 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
         nodes::half(n_suns),
         nodes::turbidities(n_turbid, options.turbidities),
         options.bands,
-        Quality::Fit,
+        ProjectionQuality::Fit,
     );
     let sampled = clock.elapsed().as_secs_f64();
 
-    let orders = Orders::new(options.bands);
-    let mix = Mix::new(options.turbidities);
+    let orders = OrderIndices::new(options.bands);
+    let mix = ColourMix::new(options.turbidities);
     let terms: usize = rows.iter().sum();
     let m = n_suns * n_turbid;
     // The square root of the luminance's prefactor, scaled to 1 at its mean.
     let mut weights: Vec<f64> = Vec::with_capacity(m);
     for s in &samples.suns {
-        weights.extend(samples.turbidities.iter().map(|t| Turbid::new(*t).prefactors(*s)[0].sqrt()));
+        weights.extend(samples.turbidities.iter().map(|t| PreethamTurbidity::new(*t).prefactors(*s)[0].sqrt()));
     }
     let mean = weights.iter().sum::<f64>() / m as f64;
     weights.iter_mut().for_each(|w| *w /= mean);
@@ -72,7 +72,7 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
         }
         out
     };
-    let form = Folded::new(options.bands, options.turbidities, rows.to_vec(), arrange(&even), arrange(&odd));
+    let form = FoldedPolynomials::new(options.bands, options.turbidities, rows.to_vec(), arrange(&even), arrange(&odd));
     let total = clock.elapsed().as_secs_f64();
     let parts = [&even, &odd];
     let trace = parts
@@ -89,12 +89,12 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
         })
         .collect();
     let count = (m * 3 * (orders.even.len() + orders.odd.len())).max(1);
-    Fitted {
+    SkyFit {
         options: options.clone(),
         model: "preetham".into(),
         termination: if form.is_ok() { Termination::Direct } else { Termination::NotFinite },
         remark: form.as_ref().err().cloned().unwrap_or_default(),
-        form: form.ok().map(Form::Folded),
+        form: form.ok().map(SkyFitForm::Folded),
         condition: even.condition.max(odd.condition),
         rank: even.rank.min(odd.rank),
         columns: terms,
@@ -103,8 +103,8 @@ pub fn fit(options: &Options, rows: &[usize]) -> Fitted {
         worst: even.worst.max(odd.worst),
         trace,
         phases: vec![
-            Phase { name: "integrate".into(), seconds: sampled },
-            Phase { name: "solve".into(), seconds: total - sampled },
+            FitPhase { name: "integrate".into(), seconds: sampled },
+            FitPhase { name: "solve".into(), seconds: total - sampled },
         ],
     }
 }
@@ -122,7 +122,7 @@ fn design(
         .iter()
         .map(|t| {
             let mut c = [0.0; MOST_COLUMNS];
-            mesophyll_sky::fitted::chebyshev(scaled_turbidity(*t, range), 0, 1, &mut c);
+            mesophyll_sky::polynomials::chebyshev(scaled_turbidity(*t, range), 0, 1, &mut c);
             c
         })
         .collect();
@@ -165,7 +165,7 @@ pub(super) fn least_squares(a: Vec<f64>, right: Vec<f64>, m: usize, n: usize) ->
     // The right sides are appended as further columns: after n reflections their first n rows are Qᵀb.
     qr::reduce(&mut both, m, n + k, &mut vec![0.0; m]);
     let triangle = DMatrix::from_fn(n, n, |i, j| if i <= j { both[j * m + i] } else { 0.0 });
-    let sigma = decompose::singular_values(triangle.clone()).unwrap_or_else(|| DVector::zeros(n));
+    let sigma = decomposition::singular_values(triangle.clone()).unwrap_or_else(|| DVector::zeros(n));
     let limit = m as f64 * f64::EPSILON * sigma.max();
     let rank = sigma.iter().filter(|s| **s > limit).count();
     let mut out = Solved {

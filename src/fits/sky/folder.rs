@@ -1,20 +1,20 @@
 //! A fitted sky on disk: `coefficients.json` (the arrays, in f32), `fit.toml`, `times.toml`.
 
-use super::judge::{Judged, Reference, judge};
-use super::{Fitted, Form, Options};
-use crate::record::maker::{self, Maker};
-use crate::record::{FitKind, FitRecord, Section};
+use super::judge::{SkyFitErrors, SkyFitReference, judge};
+use super::{Options, SkyFit, SkyFitForm};
+use crate::record::maker::{self, FitMaker};
+use crate::record::{FitKind, FitRecord, RecordSection};
 use crate::sky::{Error, Result};
 use mesophyll_files::{atomic, hash};
 use mesophyll_sky::SkyModel;
-use mesophyll_sky::fitted::{Folded, Polynomials, Tensor};
+use mesophyll_sky::polynomials::{FoldedPolynomials, PolynomialBasis, PolynomialTensor};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// The arrays of a fit, in a form that any JSON reader understands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Arrays {
+pub struct SkyFitArrays {
     /// `folded` or `tensor`.
     pub form: String,
     /// Name of the sky's model.
@@ -43,10 +43,10 @@ pub struct Arrays {
     pub values: Vec<f32>,
 }
 
-impl Arrays {
+impl SkyFitArrays {
     /// Packs the polynomials of a fit.
-    pub fn new(form: &Form<f32>, model: &str) -> Arrays {
-        let mut out = Arrays {
+    pub fn new(form: &SkyFitForm<f32>, model: &str) -> SkyFitArrays {
+        let mut out = SkyFitArrays {
             form: String::new(),
             model: model.into(),
             bands: form.bands(),
@@ -59,14 +59,14 @@ impl Arrays {
             values: Vec::new(),
         };
         match form {
-            Form::Folded(f) => {
+            SkyFitForm::Folded(f) => {
                 let (even, odd) = f.arrays();
                 (out.form, out.rows, out.even, out.odd) =
                     ("folded".into(), f.rows().to_vec(), even.to_vec(), odd.to_vec());
             }
-            Form::Tensor(f) => {
+            SkyFitForm::Tensor(f) => {
                 out.form = "tensor".into();
-                out.basis = if f.basis == Polynomials::Monomials { "monomials" } else { "chebyshev" }.into();
+                out.basis = if f.basis == PolynomialBasis::Monomials { "monomials" } else { "chebyshev" }.into();
                 (out.powers, out.values) = (f.powers().to_vec(), f.values().to_vec());
             }
         }
@@ -77,19 +77,20 @@ impl Arrays {
     ///
     /// # Errors
     /// A sentence that names the field.
-    pub fn form(self) -> std::result::Result<Form<f32>, String> {
+    pub fn form(self) -> std::result::Result<SkyFitForm<f32>, String> {
         match self.form.as_str() {
-            "folded" => Folded::new(self.bands, self.turbidities, self.rows, self.even, self.odd).map(Form::Folded),
+            "folded" => FoldedPolynomials::new(self.bands, self.turbidities, self.rows, self.even, self.odd)
+                .map(SkyFitForm::Folded),
             "tensor" => {
                 let basis = match self.basis.as_str() {
-                    "monomials" => Polynomials::Monomials,
-                    "chebyshev" => Polynomials::Chebyshev,
+                    "monomials" => PolynomialBasis::Monomials,
+                    "chebyshev" => PolynomialBasis::Chebyshev,
                     other => return Err(format!("basis: found {other:?}, expected monomials or chebyshev")),
                 };
                 let [a, b] = self.powers[..] else {
                     return Err(format!("powers: found {}, expected two", self.powers.len()));
                 };
-                Tensor::new(basis, self.bands, self.turbidities, [a, b], self.values).map(Form::Tensor)
+                PolynomialTensor::new(basis, self.bands, self.turbidities, [a, b], self.values).map(SkyFitForm::Tensor)
             }
             other => Err(format!("form: found {other:?}, expected folded or tensor")),
         }
@@ -98,13 +99,13 @@ impl Arrays {
 
 /// A sky that was fitted and written.
 #[derive(Debug)]
-pub struct Made {
+pub struct SkyFitResult {
     /// The fit in f64.
-    pub fitted: Fitted,
+    pub fitted: SkyFit,
     /// How good the fit is in f64.
-    pub wide: Judged,
+    pub wide: SkyFitErrors,
     /// How good the fit is as it is written, in f32.
-    pub narrow: Judged,
+    pub narrow: SkyFitErrors,
     /// Size of the written arrays.
     pub bytes: usize,
     /// Smallest c00 of the domain. Errors are relative to it.
@@ -116,7 +117,7 @@ pub struct Made {
 ///
 /// # Errors
 /// Options that cannot be fitted, a fit that failed; a folder that cannot be written or that holds something else.
-pub fn make(out: &Path, options: &Options, model: SkyModel, albedo: f64) -> Result<Made> {
+pub fn make(out: &Path, options: &Options, model: SkyModel, albedo: f64) -> Result<SkyFitResult> {
     let options = options.clone();
     maker::make(FitKind::Sky, out, &[], move |maker| {
         let sky = super::over(model, albedo)?;
@@ -125,13 +126,13 @@ pub fn make(out: &Path, options: &Options, model: SkyModel, albedo: f64) -> Resu
             SkyModel::HosekWilkie => super::fit_model(&options, sky.as_ref())?,
         };
         let reference =
-            Reference::new(sky.as_ref(), options.bands, options.turbidities, 33, 15).map_err(Error::Missed)?;
+            SkyFitReference::new(sky.as_ref(), options.bands, options.turbidities, 33, 15).map_err(Error::Missed)?;
         write(maker, fitted, &reference)
     })
 }
 
 /// Writes the folder and says how good the fit is.
-fn write(maker: &mut Maker, fit: Fitted, reference: &Reference) -> Result<Made> {
+fn write(maker: &mut FitMaker, fit: SkyFit, reference: &SkyFitReference) -> Result<SkyFitResult> {
     let Some(form) = &fit.form else {
         return Err(Error::Missed(format!(
             "fit sky: {} ended as {}: {}",
@@ -142,7 +143,7 @@ fn write(maker: &mut Maker, fit: Fitted, reference: &Reference) -> Result<Made> 
     };
     let narrow = form.narrow();
     let (wide_error, error) = (judge(form, reference), judge(&narrow, reference));
-    let arrays = serde_json::to_string(&Arrays::new(&narrow, &fit.model))
+    let arrays = serde_json::to_string(&SkyFitArrays::new(&narrow, &fit.model))
         .map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     let options = &fit.options;
     maker.made_from(hash::bytes(format!("{} {options:?}", fit.model).as_bytes()))?;
@@ -171,7 +172,7 @@ fn write(maker: &mut Maker, fit: Fitted, reference: &Reference) -> Result<Made> 
         say("remark", fit.remark.clone());
     }
     record.files.insert("coefficients.json".into(), hash::file(&path)?);
-    let mut all = Section { condition: Some(fit.condition), rank: Some(fit.rank), ..Section::default() };
+    let mut all = RecordSection { condition: Some(fit.condition), rank: Some(fit.rank), ..RecordSection::default() };
     let functions = 3 * options.bands * (options.bands + 1) / 2;
     all.terminations.insert(fit.termination.name().into(), functions);
     // Integrals have no noise, so there is no χ²: the residual of a polynomial is its own misfit.
@@ -195,19 +196,19 @@ fn write(maker: &mut Maker, fit: Fitted, reference: &Reference) -> Result<Made> 
     maker.times.traces.insert("fit".into(), fit.trace.clone());
     maker.finish(&record)?;
     let bytes = narrow.bytes();
-    Ok(Made { fitted: fit, wide: wide_error, narrow: error, bytes, smallest_c00: reference.smallest })
+    Ok(SkyFitResult { fitted: fit, wide: wide_error, narrow: error, bytes, smallest_c00: reference.smallest })
 }
 
 /// Reads a folder: its record and its polynomials, both checked.
 ///
 /// # Errors
 /// A missing or changed file, arrays that make no sense, another kind of fit.
-pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
+pub fn read(folder: &Path) -> Result<(FitRecord, SkyFitForm<f32>)> {
     let record = FitRecord::read_as(folder, FitKind::Sky)?;
     record.verify(folder)?;
     let path = folder.join("coefficients.json");
     let text = std::fs::read_to_string(&path).map_err(|e| Error::input(&path, atomic::explain(&e)))?;
-    let arrays: Arrays = serde_json::from_str(&text).map_err(|e| Error::input(&path, e))?;
+    let arrays: SkyFitArrays = serde_json::from_str(&text).map_err(|e| Error::input(&path, e))?;
     let form = arrays.form().map_err(|why| Error::input(&path, why))?;
     Ok((record, form))
 }
@@ -215,11 +216,11 @@ pub fn read(folder: &Path) -> Result<(FitRecord, Form<f32>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::Method;
+    use crate::sky::SkyFitMethod;
 
     #[test]
     fn what_is_written_reads_back_and_a_changed_file_is_noticed() {
-        for method in [Method::Compact, Method::Chebyshev] {
+        for method in [SkyFitMethod::Compact, SkyFitMethod::Chebyshev] {
             let folder = tempfile::tempdir().unwrap();
             let options = Options { method, bands: 3, ..Options::default() };
             let made = || make(folder.path(), &options, SkyModel::Preetham, 0.2).unwrap();
@@ -240,7 +241,7 @@ mod tests {
     #[test]
     fn a_failed_fit_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let options = Options { method: Method::MonomialsNormal, bands: 2, grid: 40, ..Options::default() };
+        let options = Options { method: SkyFitMethod::MonomialsNormal, bands: 2, grid: 40, ..Options::default() };
         let failed = make(&folder.path().join("deeper/sky"), &options, SkyModel::Preetham, 0.2).unwrap_err();
         assert!(failed.to_string().contains("not positive definite"), "{failed}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

@@ -1,29 +1,29 @@
 //! The accuracy of a fit: its error at skies between the nodes and on every edge of the domain, compared with direct
 //! integration.
 
-use super::Form;
-use mesophyll_sky::fitted::Scalar;
-use mesophyll_sky::project::{Quality, Rule};
-use mesophyll_sky::{Coefficients, Model};
+use super::SkyFitForm;
+use mesophyll_sky::polynomials::SkyFloat;
+use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule};
+use mesophyll_sky::{HarmonicCoefficients, SkyFamily};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
 /// Skies that were integrated directly, to compare fits with.
 #[derive(Debug, Clone)]
-pub struct Reference {
+pub struct SkyFitReference {
     /// Bands N of the harmonics that are compared.
     pub bands: usize,
     /// Least and greatest turbidity of the skies.
     pub turbidities: [f64; 2],
     /// Sun zenith angle, turbidity, coefficients.
-    pub skies: Vec<(f64, f64, Coefficients)>,
+    pub skies: Vec<(f64, f64, HarmonicCoefficients)>,
     /// Smallest c00 of all skies and channels.
     pub smallest: f64,
 }
 
 /// Errors over all skies of a [`Reference`], each divided by its smallest c00.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Judged {
+pub struct SkyFitErrors {
     /// Root of the sum of squared coefficient errors, for the worst channel of the worst sky. This is the measure used
     /// throughout (and Habel 2009 Eq. 5.4).
     pub worst: f64,
@@ -39,19 +39,19 @@ pub struct Judged {
     pub refused: usize,
 }
 
-impl Reference {
+impl SkyFitReference {
     /// `suns` × `turbid` skies. Sun angles are evenly spaced but closer at the horizon, turbidities are evenly spaced,
     /// and all ends are included.
     ///
     /// # Errors
     /// What the model refuses.
     pub fn new(
-        model: &dyn Model,
+        model: &dyn SkyFamily,
         bands: usize,
         turbidities: [f64; 2],
         suns: usize,
         turbid: usize,
-    ) -> Result<Reference, String> {
+    ) -> Result<SkyFitReference, String> {
         let mut angles: Vec<f64> =
             (0..suns).map(|k| (FRAC_PI_2 * k as f64 / (suns - 1) as f64).min(FRAC_PI_2)).collect();
         angles.extend([1e-3, 4e-3, 0.012, 0.03].map(|e| FRAC_PI_2 - e));
@@ -59,7 +59,7 @@ impl Reference {
         let rows: Result<Vec<Vec<_>>, String> = angles
             .par_iter()
             .map(|s| {
-                let rule = Rule::new(*s, bands, Quality::Exact);
+                let rule = ProjectionRule::new(*s, bands, ProjectionQuality::Exact);
                 let one = |k: usize| {
                     let t = (low + (high - low) * k as f64 / (turbid - 1) as f64).min(high);
                     let sky = model.sky(*s, t).map_err(|e| e.to_string())?;
@@ -70,17 +70,20 @@ impl Reference {
             .collect();
         let skies: Vec<_> = rows?.into_iter().flatten().collect();
         let smallest = skies.iter().flat_map(|s| s.2.get(0, 0)).fold(f64::INFINITY, f64::min);
-        Ok(Reference { bands, turbidities, skies, smallest })
+        Ok(SkyFitReference { bands, turbidities, skies, smallest })
     }
 }
 
 /// Judges a fit by its [`Form::coefficients`].
-pub fn judge<T: Scalar>(form: &Form<T>, reference: &Reference) -> Judged {
+pub fn judge<T: SkyFloat>(form: &SkyFitForm<T>, reference: &SkyFitReference) -> SkyFitErrors {
     judge_with(|s, t| form.coefficients(s, t).ok(), reference)
 }
 
 /// Judges anything that gives coefficients.
-pub fn judge_with(f: impl Fn(f64, f64) -> Option<Coefficients> + Sync, reference: &Reference) -> Judged {
+pub fn judge_with(
+    f: impl Fn(f64, f64) -> Option<HarmonicCoefficients> + Sync,
+    reference: &SkyFitReference,
+) -> SkyFitErrors {
     let bands = reference.bands;
     // For each sky: [root of squares, sum] of the worst channel for each number of bands, and the channel that is worst
     // with all bands.
@@ -109,7 +112,7 @@ pub fn judge_with(f: impl Fn(f64, f64) -> Option<Coefficients> + Sync, reference
         })
         .collect();
     let scale = 1.0 / reference.smallest;
-    let mut out = Judged {
+    let mut out = SkyFitErrors {
         worst: 0.0,
         worst_at: (f64::NAN, f64::NAN, 0),
         median: f64::NAN,

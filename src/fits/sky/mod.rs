@@ -15,7 +15,7 @@
 
 #![warn(missing_docs)]
 
-pub mod evaluate;
+pub mod evaluator;
 pub mod folded;
 pub mod folder;
 pub mod judge;
@@ -24,18 +24,18 @@ pub mod panorama;
 mod tensor;
 pub mod window;
 
-use crate::record::Phase;
+use crate::record::FitPhase;
 use mesophyll_base::error::{Error, Result};
-use mesophyll_base::solve::{Termination, Trace};
-use mesophyll_sky::fitted::{Folded, Tensor};
-use mesophyll_sky::{Coefficients, Model, Preetham, Refused, SkyModel, preetham};
+use mesophyll_base::solvers::{Termination, Trace};
+use mesophyll_sky::polynomials::{FoldedPolynomials, PolynomialTensor};
+use mesophyll_sky::{HarmonicCoefficients, Preetham, SkyFamily, SkyModel, SkyRefusal, preetham};
 use std::sync::OnceLock;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// Which polynomials, and how they are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Method {
+pub enum SkyFitMethod {
     /// Everything with a closed form folded out, a staircase of 124 terms: the 1e-5 tier.
     #[default]
     Fine,
@@ -51,7 +51,7 @@ pub enum Method {
     MonomialsNormal,
 }
 
-impl Method {
+impl SkyFitMethod {
     /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         self.into()
@@ -62,7 +62,7 @@ impl Method {
 ///
 /// # Errors
 /// [`Error::Usage`] for an albedo outside 0 to 1.
-pub fn over(model: SkyModel, albedo: f64) -> Result<Box<dyn Model>> {
+pub fn over(model: SkyModel, albedo: f64) -> Result<Box<dyn SkyFamily>> {
     model.over(albedo).map_err(|refused| Error::Usage(format!("--{refused}")))
 }
 
@@ -70,7 +70,7 @@ pub fn over(model: SkyModel, albedo: f64) -> Result<Box<dyn Model>> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Which polynomials, and how they are found.
-    pub method: Method,
+    pub method: SkyFitMethod,
     /// Bands N of the harmonics: N² coefficients a channel.
     pub bands: usize,
     /// Least and greatest turbidity that the fit holds for.
@@ -83,7 +83,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { method: Method::Fine, bands: 7, turbidities: preetham::TRUSTED, grid: 500, degrees: [13, 7] }
+        Options { method: SkyFitMethod::Fine, bands: 7, turbidities: preetham::TRUSTED, grid: 500, degrees: [13, 7] }
     }
 }
 
@@ -94,70 +94,74 @@ pub const MOST_BANDS: usize = 12;
 /// matter.
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, PartialEq)]
-pub enum Form<T = f64> {
+pub enum SkyFitForm<T = f64> {
     /// Polynomials of what is left once the parts with a closed form are divided out.
-    Folded(Folded<T>),
+    Folded(FoldedPolynomials<T>),
     /// Polynomials in sun zenith angle and turbidity, every power of one times every power of the other.
-    Tensor(Tensor<T>),
+    Tensor(PolynomialTensor<T>),
 }
 
-impl<T: mesophyll_sky::fitted::Scalar> Form<T> {
+impl<T: mesophyll_sky::polynomials::SkyFloat> SkyFitForm<T> {
     /// N² coefficients in linear sRGB (kcd/m²), sun at azimuth 0.
     ///
     /// # Errors
     /// [`Refused`] outside what was fitted.
-    pub fn coefficients(&self, sun_zenith: f64, turbidity: f64) -> std::result::Result<Coefficients, Refused> {
+    pub fn coefficients(
+        &self,
+        sun_zenith: f64,
+        turbidity: f64,
+    ) -> std::result::Result<HarmonicCoefficients, SkyRefusal> {
         match self {
-            Form::Folded(f) => f.coefficients(sun_zenith, turbidity),
-            Form::Tensor(f) => f.coefficients(sun_zenith, turbidity),
+            SkyFitForm::Folded(f) => f.coefficients(sun_zenith, turbidity),
+            SkyFitForm::Tensor(f) => f.coefficients(sun_zenith, turbidity),
         }
     }
     /// Bands N of the harmonics: N² coefficients a channel.
     pub fn bands(&self) -> usize {
         match self {
-            Form::Folded(f) => f.bands(),
-            Form::Tensor(f) => f.bands(),
+            SkyFitForm::Folded(f) => f.bands(),
+            SkyFitForm::Tensor(f) => f.bands(),
         }
     }
     /// Least and greatest turbidity that the polynomials cover.
     pub fn turbidities(&self) -> [f64; 2] {
         match self {
-            Form::Folded(f) => f.turbidities(),
-            Form::Tensor(f) => f.turbidities(),
+            SkyFitForm::Folded(f) => f.turbidities(),
+            SkyFitForm::Tensor(f) => f.turbidities(),
         }
     }
     /// Number of terms in a polynomial.
     pub fn terms(&self) -> usize {
         match self {
-            Form::Folded(f) => f.terms(),
-            Form::Tensor(f) => f.powers()[0] * f.powers()[1],
+            SkyFitForm::Folded(f) => f.terms(),
+            SkyFitForm::Tensor(f) => f.powers()[0] * f.powers()[1],
         }
     }
     /// Size of the coefficients of the polynomials, in bytes.
     pub fn bytes(&self) -> usize {
         match self {
-            Form::Folded(f) => f.bytes(),
-            Form::Tensor(f) => f.bytes(),
+            SkyFitForm::Folded(f) => f.bytes(),
+            SkyFitForm::Tensor(f) => f.bytes(),
         }
     }
     /// The same polynomials in f32.
-    pub fn narrow(&self) -> Form<f32> {
+    pub fn narrow(&self) -> SkyFitForm<f32> {
         match self {
-            Form::Folded(f) => Form::Folded(f.to()),
-            Form::Tensor(f) => Form::Tensor(f.to()),
+            SkyFitForm::Folded(f) => SkyFitForm::Folded(f.to()),
+            SkyFitForm::Tensor(f) => SkyFitForm::Tensor(f.to()),
         }
     }
 }
 
 /// The result of a fit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fitted {
+pub struct SkyFit {
     /// What was asked for.
     pub options: Options,
     /// Name of the sky's model.
     pub model: String,
     /// The polynomials; `None` where the method failed.
-    pub form: Option<Form>,
+    pub form: Option<SkyFitForm>,
     /// How the fit ended.
     pub termination: Termination,
     /// Why the fit failed, or a remark on it; empty where all is well.
@@ -177,10 +181,10 @@ pub struct Fitted {
     /// The steps of the solver, each with its cost.
     pub trace: Trace,
     /// What the time was spent on.
-    pub phases: Vec<Phase>,
+    pub phases: Vec<FitPhase>,
 }
 
-impl Fitted {
+impl SkyFit {
     /// Wall time of all phases (s).
     pub fn seconds(&self) -> f64 {
         self.phases.iter().map(|p| p.seconds).sum()
@@ -191,11 +195,11 @@ impl Fitted {
 ///
 /// # Errors
 /// Bands, turbidities, degrees or a grid that cannot be fitted.
-pub fn fit(options: &Options) -> Result<Fitted> {
+pub fn fit(options: &Options) -> Result<SkyFit> {
     check(options)?;
     Ok(match options.method {
-        Method::Fine => folded::fit(options, &folded::FINE),
-        Method::Compact => folded::fit(options, &folded::COMPACT),
+        SkyFitMethod::Fine => folded::fit(options, &folded::FINE),
+        SkyFitMethod::Compact => folded::fit(options, &folded::COMPACT),
         _ => tensor::fit(options, &Preetham),
     })
 }
@@ -204,9 +208,9 @@ pub fn fit(options: &Options) -> Result<Fitted> {
 ///
 /// # Errors
 /// As [`fit`]; any other method.
-pub fn fit_model(options: &Options, model: &dyn Model) -> Result<Fitted> {
+pub fn fit_model(options: &Options, model: &dyn SkyFamily) -> Result<SkyFit> {
     check(options)?;
-    if options.method != Method::Chebyshev {
+    if options.method != SkyFitMethod::Chebyshev {
         let found = options.method.name();
         return Err(Error::Usage(format!(
             "method {found} is made for preetham; {} is fitted by chebyshev",
@@ -241,11 +245,11 @@ fn check(options: &Options) -> Result<()> {
 ///
 /// # Errors
 /// As [`fit`].
-pub fn standard() -> Result<&'static Folded<f32>> {
-    static MADE: OnceLock<Option<Folded<f32>>> = OnceLock::new();
+pub fn standard() -> Result<&'static FoldedPolynomials<f32>> {
+    static MADE: OnceLock<Option<FoldedPolynomials<f32>>> = OnceLock::new();
     MADE.get_or_init(|| match fit(&Options::default()).ok()?.form? {
-        Form::Folded(f) => Some(f.to()),
-        Form::Tensor(_) => None,
+        SkyFitForm::Folded(f) => Some(f.to()),
+        SkyFitForm::Tensor(_) => None,
     })
     .as_ref()
     .ok_or_else(|| Error::Missed("the standard fit of the sky failed".into()))

@@ -1,11 +1,11 @@
 //! Where skies are sampled for a fit: Chebyshev nodes in (θs, ln(τ − τ₀)), where θs is the sun's zenith angle and τ the
 //! turbidity. Also the integrals at these nodes, without their prefactors.
 
-use mesophyll_sky::fitted::Folded;
-use mesophyll_sky::fitted::folded::suns;
-use mesophyll_sky::fitted::mix::{Mix, Orders, TURBIDITY_ZERO, scaled_turbidity};
-use mesophyll_sky::preetham::Turbid;
-use mesophyll_sky::project::{Quality, Rule};
+use mesophyll_sky::polynomials::FoldedPolynomials;
+use mesophyll_sky::polynomials::folding::suns;
+use mesophyll_sky::polynomials::mix::{ColourMix, OrderIndices, TURBIDITY_ZERO, scaled_turbidity};
+use mesophyll_sky::preetham::PreethamTurbidity;
+use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -29,7 +29,7 @@ pub fn turbidities(n: usize, [low, high]: [f64; 2]) -> Vec<f64> {
 /// The integrals of Y, Y/y and Y·x/y (luminance Y, chromaticities x and y) without prefactors, times each basis
 /// function of m ≥ 0, at every sun and turbidity.
 #[derive(Debug, Clone)]
-pub struct Samples {
+pub struct SkyFitSamples {
     pub suns: Vec<f64>,
     pub turbidities: Vec<f64>,
     /// Indexed [sun][turbidity][l(l+1)/2 + m].
@@ -39,32 +39,32 @@ pub struct Samples {
 }
 
 /// Integrates, in parallel over the suns. One quadrature rule serves all turbidities.
-pub fn sample(suns: Vec<f64>, turbidities: Vec<f64>, bands: usize, quality: Quality) -> Samples {
-    let turbid: Vec<Turbid> = turbidities.iter().map(|t| Turbid::new(*t)).collect();
+pub fn sample(suns: Vec<f64>, turbidities: Vec<f64>, bands: usize, quality: ProjectionQuality) -> SkyFitSamples {
+    let turbid: Vec<PreethamTurbidity> = turbidities.iter().map(|t| PreethamTurbidity::new(*t)).collect();
     let done: Vec<(usize, Vec<Vec<[f64; 3]>>)> = suns
         .par_iter()
         .map(|s| {
-            let rule = Rule::new(*s, bands, quality);
-            let at = |t: &Turbid| rule.integrate(|d, gamma| t.separable(d[2], gamma));
+            let rule = ProjectionRule::new(*s, bands, quality);
+            let at = |t: &PreethamTurbidity| rule.integrate(|d, gamma| t.separable(d[2], gamma));
             (rule.evaluations() * turbid.len(), turbid.iter().map(at).collect())
         })
         .collect();
     let evaluations = done.iter().map(|d| d.0).sum();
-    Samples { suns, turbidities, values: done.into_iter().map(|d| d.1).collect(), evaluations }
+    SkyFitSamples { suns, turbidities, values: done.into_iter().map(|d| d.1).collect(), evaluations }
 }
 
 /// The interpolant through so many nodes that nothing of the sky is lost (1e-7 of the smallest c00, tested). It fills a
 /// dense grid instead of an integration at each grid point. All its terms come from the discrete orthogonality of
 /// Chebyshev polynomials at their nodes.
-pub fn dense(bands: usize, range: [f64; 2]) -> Result<Folded<f64>, String> {
+pub fn dense(bands: usize, range: [f64; 2]) -> Result<FoldedPolynomials<f64>, String> {
     const SUNS: usize = 32;
     const TURBID: usize = 20;
-    let samples = sample(half(SUNS), turbidities(TURBID, range), bands, Quality::Fit);
-    let (orders, mix) = (Orders::new(bands), Mix::new(range));
+    let samples = sample(half(SUNS), turbidities(TURBID, range), bands, ProjectionQuality::Fit);
+    let (orders, mix) = (OrderIndices::new(bands), ColourMix::new(range));
     // Weights of the discrete transform: 2/n, and half of that for degree 0.
     let mut columns = vec![[0.0; TURBID]; TURBID];
     for (row, t) in columns.iter_mut().zip(&samples.turbidities) {
-        mesophyll_sky::fitted::chebyshev(scaled_turbidity(*t, range), 0, 1, row);
+        mesophyll_sky::polynomials::chebyshev(scaled_turbidity(*t, range), 0, 1, row);
     }
     let (mut even, mut odd) = (vec![[0.0; SUNS]; SUNS], vec![[0.0; SUNS]; SUNS]);
     for (k, s) in samples.suns.iter().enumerate() {
@@ -93,7 +93,7 @@ pub fn dense(bands: usize, range: [f64; 2]) -> Result<Folded<f64>, String> {
         out
     };
     let (e, o) = rayon::join(|| transform(&orders.even, &even, true), || transform(&orders.odd, &odd, false));
-    Folded::new(bands, range, vec![TURBID; SUNS], e, o)
+    FoldedPolynomials::new(bands, range, vec![TURBID; SUNS], e, o)
 }
 
 /// The index l(l+1)/2 + m of the function with the index l(l+1) + m, for m ≥ 0.

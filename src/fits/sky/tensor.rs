@@ -6,12 +6,12 @@
 //! product is the product of the two, and the normal equations square it.
 
 use super::nodes;
-use super::{Fitted, Form, Method, Options};
-use crate::record::Phase;
-use mesophyll_base::solve::{Termination, TraceRow};
-use mesophyll_sky::Model;
-use mesophyll_sky::fitted::tensor::{self, Polynomials, Tensor};
-use mesophyll_sky::project::{Quality, Rule};
+use super::{Options, SkyFit, SkyFitForm, SkyFitMethod};
+use crate::record::FitPhase;
+use mesophyll_base::solvers::{Termination, TraceRow};
+use mesophyll_sky::SkyFamily;
+use mesophyll_sky::polynomials::tensor::{self, PolynomialBasis, PolynomialTensor};
+use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
@@ -24,13 +24,13 @@ const NODES: [usize; 2] = [24, 12];
 type Column = Vec<f64>;
 
 /// Fits by the options' method. A model other than Preetham's is fitted at nodes only.
-pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
+pub fn fit(options: &Options, model: &dyn SkyFamily) -> SkyFit {
     let clock = Instant::now();
     let basis = match options.method {
-        Method::MonomialsQr | Method::MonomialsNormal => Polynomials::Monomials,
-        _ => Polynomials::Chebyshev,
+        SkyFitMethod::MonomialsQr | SkyFitMethod::MonomialsNormal => PolynomialBasis::Monomials,
+        _ => PolynomialBasis::Chebyshev,
     };
-    let at_nodes = options.method == Method::Chebyshev;
+    let at_nodes = options.method == SkyFitMethod::Chebyshev;
     let (suns, turbidities, columns, evaluations) = if at_nodes {
         let suns: Vec<f64> = nodes::whole(NODES[0].max(options.degrees[0] + 4), [0.0, FRAC_PI_2]);
         let turbidities = nodes::whole(NODES[1].max(options.degrees[1] + 3), options.turbidities);
@@ -61,7 +61,7 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
     let theta = matrix(&suns, [0.0, FRAC_PI_2], powers[0]);
     let tau = matrix(&turbidities, options.turbidities, powers[1]);
     let n = powers[0] * powers[1];
-    let mut fitted = Fitted {
+    let mut fitted = SkyFit {
         options: options.clone(),
         model: model.name().into(),
         form: None,
@@ -74,11 +74,11 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
         rms: f64::NAN,
         worst: f64::NAN,
         trace: Vec::new(),
-        phases: vec![Phase { name: "integrate".into(), seconds: sampled }],
+        phases: vec![FitPhase { name: "integrate".into(), seconds: sampled }],
     };
     let columns = match columns {
         Ok(columns) => columns,
-        Err(why) => return Fitted { remark: why, ..fitted },
+        Err(why) => return SkyFit { remark: why, ..fitted },
     };
     // The singular values of a Kronecker product are the products of the factors' singular values.
     let (a, b) = (theta.singular_values(), tau.singular_values());
@@ -87,13 +87,13 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
     fitted.condition = largest / smallest;
     fitted.rank = values.iter().filter(|v| **v > largest * f64::EPSILON * n as f64).count();
 
-    let solved = if options.method == Method::MonomialsNormal {
+    let solved = if options.method == SkyFitMethod::MonomialsNormal {
         normal_equations(&theta, &tau, &columns)
     } else {
         Ok(by_qr(&theta, &tau, &columns))
     };
     let total = clock.elapsed().as_secs_f64();
-    fitted.phases.push(Phase { name: "solve".into(), seconds: total - sampled });
+    fitted.phases.push(FitPhase { name: "solve".into(), seconds: total - sampled });
     match solved {
         Err(why) => fitted.remark = why,
         Ok(solution) => {
@@ -110,11 +110,11 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
                 step: solution.iter().flatten().map(|v| v * v).sum::<f64>().sqrt(),
                 truth_error: None,
             }];
-            let form = Tensor::new(basis, options.bands, options.turbidities, powers, solution.concat());
+            let form = PolynomialTensor::new(basis, options.bands, options.turbidities, powers, solution.concat());
             debug_assert_eq!(width, 3 * options.bands * (options.bands + 1) / 2);
             match form {
                 Ok(form) if form.values().iter().all(|v| v.is_finite()) => {
-                    fitted.form = Some(Form::Tensor(form));
+                    fitted.form = Some(SkyFitForm::Tensor(form));
                     fitted.termination = Termination::Direct;
                 }
                 Ok(_) => fitted.termination = Termination::NotFinite,
@@ -130,7 +130,7 @@ pub fn fit(options: &Options, model: &dyn Model) -> Fitted {
 
 /// Integrates a black-box model at every node.
 fn by_integration(
-    model: &dyn Model,
+    model: &dyn SkyFamily,
     suns: &[f64],
     turbidities: &[f64],
     bands: usize,
@@ -139,7 +139,7 @@ fn by_integration(
     let rows: Vec<Result<(usize, Vec<Vec<f64>>), String>> = suns
         .par_iter()
         .map(|s| {
-            let rule = Rule::new(*s, bands, Quality::Fit);
+            let rule = ProjectionRule::new(*s, bands, ProjectionQuality::Fit);
             let at = |t: &f64| -> Result<Vec<f64>, String> {
                 let c = rule.project(model.sky(*s, *t).map_err(|e| e.to_string())?.as_ref());
                 let mut out = vec![0.0; 3 * size];

@@ -1,18 +1,18 @@
 //! The program's fits meet their targets, the dissertation's fits fail as they should, and nothing is answered outside
 //! of the domain.
 
-use super::judge::{Reference, judge};
+use super::judge::{SkyFitReference, judge};
 use super::*;
 use mesophyll_sky::HosekWilkie;
-use mesophyll_sky::project::{Quality, Rule, direct};
+use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule, direct};
 use std::f64::consts::FRAC_PI_2;
 
-fn reference() -> &'static Reference {
-    static KEPT: OnceLock<Reference> = OnceLock::new();
-    KEPT.get_or_init(|| Reference::new(&Preetham, 7, preetham::TRUSTED, 24, 9).unwrap())
+fn reference() -> &'static SkyFitReference {
+    static KEPT: OnceLock<SkyFitReference> = OnceLock::new();
+    KEPT.get_or_init(|| SkyFitReference::new(&Preetham, 7, preetham::TRUSTED, 24, 9).unwrap())
 }
 
-fn fitted(method: Method) -> Fitted {
+fn fitted(method: SkyFitMethod) -> SkyFit {
     fit(&Options { method, grid: 100, ..Options::default() }).unwrap()
 }
 
@@ -20,7 +20,7 @@ fn fitted(method: Method) -> Fitted {
 fn the_two_tiers_meet_their_targets_in_f32() {
     // docs/fits.md and docs/sky.md say 1.1e-5 in 26,880 bytes and 4.1e-6 in 41,664 bytes. An error a fifth larger would
     // mean another fit.
-    for (method, target, bytes) in [(Method::Compact, 1.3e-5, 26_880), (Method::Fine, 4.9e-6, 41_664)] {
+    for (method, target, bytes) in [(SkyFitMethod::Compact, 1.3e-5, 26_880), (SkyFitMethod::Fine, 4.9e-6, 41_664)] {
         let fit = fitted(method);
         let form = fit.form.unwrap();
         let (wide, narrow) = (judge(&form, reference()), judge(&form.narrow(), reference()));
@@ -48,7 +48,7 @@ fn the_two_tiers_meet_their_targets_in_f32() {
 
 #[test]
 fn fixing_the_turbidity_changes_nothing() {
-    let Some(Form::Folded(form)) = fitted(Method::Fine).form else { panic!("a folded form") };
+    let Some(SkyFitForm::Folded(form)) = fitted(SkyFitMethod::Fine).form else { panic!("a folded form") };
     for t in [2.5, 3.7, 6.0] {
         let fixed = form.at(t).unwrap();
         for s in [0.0, 0.8, FRAC_PI_2] {
@@ -63,14 +63,14 @@ fn fixing_the_turbidity_changes_nothing() {
 #[test]
 fn the_dense_interpolant_loses_nothing() {
     let dense = nodes::dense(7, preetham::TRUSTED).unwrap();
-    let judged = judge(&Form::Folded(dense), reference());
+    let judged = judge(&SkyFitForm::Folded(dense), reference());
     println!("dense interpolant {:.1e} at {:?}", judged.worst, judged.worst_at);
     assert!(judged.worst < 1e-6, "{:.1e}", judged.worst);
 }
 
 /// Three bands on a small grid: the bases fail or work in the same way with any number of bands.
-fn small(method: Method) -> (Fitted, Reference) {
-    let reference = Reference::new(&Preetham, 3, preetham::TRUSTED, 14, 6).unwrap();
+fn small(method: SkyFitMethod) -> (SkyFit, SkyFitReference) {
+    let reference = SkyFitReference::new(&Preetham, 3, preetham::TRUSTED, 14, 6).unwrap();
     (fit(&Options { method, bands: 3, grid: 60, ..Options::default() }).unwrap(), reference)
 }
 
@@ -79,7 +79,7 @@ fn small(method: Method) -> (Fitted, Reference) {
 #[test]
 fn monomials_fail_where_chebyshev_does_not() {
     let ((normal, reference), (qr, _), (chebyshev, _)) =
-        (small(Method::MonomialsNormal), small(Method::MonomialsQr), small(Method::ChebyshevGrid));
+        (small(SkyFitMethod::MonomialsNormal), small(SkyFitMethod::MonomialsQr), small(SkyFitMethod::ChebyshevGrid));
     for f in [&normal, &qr, &chebyshev] {
         println!(
             "{}: condition {:.1e} rank {} of {}, {:?} {}",
@@ -102,8 +102,8 @@ fn monomials_fail_where_chebyshev_does_not() {
             && normal.termination == Termination::Refused
             && normal.remark.contains("not positive definite")
     );
-    let error = |f: &Fitted| judge(f.form.as_ref().unwrap(), &reference).worst;
-    let narrow = |f: &Fitted| judge(&f.form.as_ref().unwrap().narrow(), &reference).worst;
+    let error = |f: &SkyFit| judge(f.form.as_ref().unwrap(), &reference).worst;
+    let narrow = |f: &SkyFit| judge(&f.form.as_ref().unwrap().narrow(), &reference).worst;
     // In single precision the monomials are useless, while the Chebyshev polynomials keep their accuracy.
     assert!(narrow(&qr) > 0.1 && (narrow(&chebyshev) / error(&chebyshev) - 1.0).abs() < 0.01);
     // In f64 both are the same polynomials.
@@ -112,8 +112,8 @@ fn monomials_fail_where_chebyshev_does_not() {
 
 #[test]
 fn nodes_beat_the_uniform_grid() {
-    let ((nodes, reference), (grid, _)) = (small(Method::Chebyshev), small(Method::ChebyshevGrid));
-    let error = |f: &Fitted| judge(f.form.as_ref().unwrap(), &reference).worst;
+    let ((nodes, reference), (grid, _)) = (small(SkyFitMethod::Chebyshev), small(SkyFitMethod::ChebyshevGrid));
+    let error = |f: &SkyFit| judge(f.form.as_ref().unwrap(), &reference).worst;
     assert!(error(&nodes) < error(&grid), "{:.1e} {:.1e}", error(&nodes), error(&grid));
 }
 
@@ -121,14 +121,14 @@ fn nodes_beat_the_uniform_grid() {
 #[test]
 fn another_model_is_fitted_as_a_black_box() {
     let model = HosekWilkie { albedo: [0.2; 3] };
-    let options = Options { method: Method::Chebyshev, bands: 4, turbidities: [3.0, 4.0], ..Options::default() };
+    let options = Options { method: SkyFitMethod::Chebyshev, bands: 4, turbidities: [3.0, 4.0], ..Options::default() };
     let form = fit_model(&options, &model).unwrap().form.unwrap();
     let sky = model.sky(0.6, 3.4).unwrap();
-    let want = Rule::new(sky.sun_zenith(), 4, Quality::Fit).project(sky.as_ref());
+    let want = ProjectionRule::new(sky.sun_zenith(), 4, ProjectionQuality::Fit).project(sky.as_ref());
     let got = form.coefficients(0.6, 3.4).unwrap();
     let off = got.distance(&want)[1] / want.get(0, 0)[1];
     assert!(off < 0.01, "{off:.1e}");
-    assert!(fit_model(&Options { method: Method::Fine, ..options }, &model).is_err());
+    assert!(fit_model(&Options { method: SkyFitMethod::Fine, ..options }, &model).is_err());
 }
 
 #[test]

@@ -9,13 +9,13 @@
 //! equals that of the sin x/x window on all orders, so that the two can be compared by their loss alone.
 
 use crate::sky::{Error, Result};
-use mesophyll_base::solve::problem::Closure;
-use mesophyll_base::solve::{Fit, Options, lm};
-use mesophyll_sky::harmonics::Basis;
+use mesophyll_base::solvers::problem::ClosureProblem;
+use mesophyll_base::solvers::{Fit, Options, lm};
+use mesophyll_sky::harmonics::HarmonicBasis;
 use mesophyll_sky::irradiance::{cosine_lobe, irradiance, on_level_ground};
-use mesophyll_sky::project::{Quality, Rule};
-use mesophyll_sky::window::{Dip, Orders, Window, irradiance_change, lowest_below};
-use mesophyll_sky::{Coefficients, Preetham, colour};
+use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule};
+use mesophyll_sky::window::{HarmonicWindow, WindowDip, WindowOrders, irradiance_change, lowest_below};
+use mesophyll_sky::{HarmonicCoefficients, Preetham, colour};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
@@ -42,13 +42,13 @@ impl WindowKind {
     ///
     /// # Errors
     /// As [`matched`].
-    pub fn window(self, bands: usize) -> Result<Option<Window>> {
+    pub fn window(self, bands: usize) -> Result<Option<HarmonicWindow>> {
         Ok(match self {
             WindowKind::None => None,
-            WindowKind::Zonal => Some(Window::zonal(bands)),
-            WindowKind::Lanczos => Some(Window::lanczos(bands)),
+            WindowKind::Zonal => Some(HarmonicWindow::zonal(bands)),
+            WindowKind::Lanczos => Some(HarmonicWindow::lanczos(bands)),
             WindowKind::Fitted => Some(matched(bands)?),
-            WindowKind::Positive => Some(Window::positive(bands)),
+            WindowKind::Positive => Some(HarmonicWindow::positive(bands)),
         })
     }
 }
@@ -66,12 +66,12 @@ const NORMALS: [[f64; 3]; 5] = [
     [0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2],
 ];
 
-fn skies((suns, turbidities): ([f64; 6], [f64; 3]), bands: usize) -> Result<Vec<Coefficients>> {
-    let refused = |e: mesophyll_sky::Refused| Error::Missed(e.to_string());
-    let rows: Result<Vec<Vec<Coefficients>>> = suns
+fn skies((suns, turbidities): ([f64; 6], [f64; 3]), bands: usize) -> Result<Vec<HarmonicCoefficients>> {
+    let refused = |e: mesophyll_sky::SkyRefusal| Error::Missed(e.to_string());
+    let rows: Result<Vec<Vec<HarmonicCoefficients>>> = suns
         .par_iter()
         .map(|s| {
-            let rule = Rule::new(*s, bands, Quality::Fit);
+            let rule = ProjectionRule::new(*s, bands, ProjectionQuality::Fit);
             turbidities.iter().map(|t| Ok(rule.project(&Preetham.at(*s, *t).map_err(refused)?))).collect()
         })
         .collect();
@@ -79,7 +79,7 @@ fn skies((suns, turbidities): ([f64; 6], [f64; 3]), bands: usize) -> Result<Vec<
 }
 
 /// The luminance of each band alone in direction `d`.
-fn by_band(c: &Coefficients, d: [f64; 3], y: &mut [f64], basis: &Basis) -> Vec<f64> {
+fn by_band(c: &HarmonicCoefficients, d: [f64; 3], y: &mut [f64], basis: &HarmonicBasis) -> Vec<f64> {
     basis.fill(d, y);
     (0..c.bands())
         .map(|l| {
@@ -94,11 +94,11 @@ fn by_band(c: &Coefficients, d: [f64; 3], y: &mut [f64], basis: &Basis) -> Vec<f
 ///
 /// # Errors
 /// Fewer than two bands; a solver that did not converge.
-pub fn fit(bands: usize, weight: f64) -> Result<(Window, Fit)> {
+pub fn fit(bands: usize, weight: f64) -> Result<(HarmonicWindow, Fit)> {
     if bands < 2 {
         return Err(Error::Usage(format!("a window of {bands} bands has nothing to fit; expected 2 or more")));
     }
-    let basis = Basis::new(bands);
+    let basis = HarmonicBasis::new(bands);
     let mut y = vec![0.0; bands * bands];
     // Rows of N numbers: the luminance of each band below the horizon over the mean, and the irradiance of each band
     // over the whole.
@@ -143,15 +143,15 @@ pub fn fit(bands: usize, weight: f64) -> Result<(Window, Fit)> {
             (1..bands).for_each(|l| out[(l - 1) * m + below.len() + i] = slope * row[l]);
         }
     };
-    let problem = Closure::new(bands - 1, m, evaluate).with_jacobian(jacobian);
-    let start = Window::lanczos(bands).factors[1..].to_vec();
+    let problem = ClosureProblem::new(bands - 1, m, evaluate).with_jacobian(jacobian);
+    let start = HarmonicWindow::lanczos(bands).factors[1..].to_vec();
     let options = Options { lower: vec![0.0; bands - 1], upper: vec![1.0; bands - 1], ..Options::default() };
     let fit = lm::minimize(&problem, &start, &options);
     if !fit.converged() {
         return Err(Error::Missed(format!("the window's fit ended as {}", fit.termination.name())));
     }
     let factors = std::iter::once(1.0).chain(fit.params.iter().copied()).collect();
-    Ok((Window { name: "fitted".into(), orders: Orders::All, factors }, fit))
+    Ok((HarmonicWindow { name: "fitted".into(), orders: WindowOrders::All, factors }, fit))
 }
 
 /// The window that loses the least irradiance among those that dip no deeper than the sin x/x window on all orders,
@@ -159,12 +159,13 @@ pub fn fit(bands: usize, weight: f64) -> Result<(Window, Fit)> {
 ///
 /// # Errors
 /// As [`fit`].
-pub fn matched(bands: usize) -> Result<Window> {
+pub fn matched(bands: usize) -> Result<HarmonicWindow> {
     let seen = skies(FITTED_ON, bands)?;
-    let basis = Basis::new(bands);
-    let dip =
-        |w: &Window| seen.par_iter().map(|c| lowest_below(&w.apply(c), &basis).luminance).reduce(|| 0.0, f64::min);
-    let limit = dip(&Window::lanczos(bands));
+    let basis = HarmonicBasis::new(bands);
+    let dip = |w: &HarmonicWindow| {
+        seen.par_iter().map(|c| lowest_below(&w.apply(c), &basis).luminance).reduce(|| 0.0, f64::min)
+    };
+    let limit = dip(&HarmonicWindow::lanczos(bands));
     let (mut low, mut high) = (1e-3f64, 1e3f64);
     let mut best = fit(bands, low)?.0;
     for _ in 0..12 {
@@ -181,11 +182,11 @@ pub fn matched(bands: usize) -> Result<Window> {
 
 /// The effect of a window on the skies of the table.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct WindowEffect {
     /// The window that was looked at.
-    pub window: Window,
+    pub window: HarmonicWindow,
     /// Deepest dip of any sky.
-    pub dip: Dip,
+    pub dip: WindowDip,
     /// Change of the irradiance on level ground, the largest of any sky and channel.
     pub change: f64,
     /// Root mean square of the change over skies (luminance).
@@ -196,15 +197,15 @@ pub struct Row {
 ///
 /// # Errors
 /// Only those of the skies.
-pub fn table(windows: Vec<Window>, bands: usize) -> Result<Vec<Row>> {
+pub fn table(windows: Vec<HarmonicWindow>, bands: usize) -> Result<Vec<WindowEffect>> {
     let seen = skies(SHOWN_ON, bands)?;
-    let basis = Basis::new(bands);
-    let row = |window: Window| {
-        let (mut dip, mut change, mut squares) = (Dip { luminance: 0.0, channel: 0.0 }, 0.0f64, 0.0);
+    let basis = HarmonicBasis::new(bands);
+    let row = |window: HarmonicWindow| {
+        let (mut dip, mut change, mut squares) = (WindowDip { luminance: 0.0, channel: 0.0 }, 0.0f64, 0.0);
         for c in &seen {
             let out = window.apply(c);
             let one = lowest_below(&out, &basis);
-            dip = Dip { luminance: dip.luminance.min(one.luminance), channel: dip.channel.min(one.channel) };
+            dip = WindowDip { luminance: dip.luminance.min(one.luminance), channel: dip.channel.min(one.channel) };
             let off = irradiance_change(&out, on_level_ground(c));
             if off.abs() > change.abs() {
                 change = off;
@@ -212,7 +213,7 @@ pub fn table(windows: Vec<Window>, bands: usize) -> Result<Vec<Row>> {
             let bright = |v: [f64; 3]| colour::xyz_from_rgb(v)[1];
             squares += (bright(irradiance(&out, NORMALS[0])) / bright(on_level_ground(c)) - 1.0).powi(2);
         }
-        Row { window, dip, change, change_rms: (squares / seen.len() as f64).sqrt() }
+        WindowEffect { window, dip, change, change_rms: (squares / seen.len() as f64).sqrt() }
     };
     Ok(windows.into_par_iter().map(row).collect())
 }
@@ -221,14 +222,14 @@ pub fn table(windows: Vec<Window>, bands: usize) -> Result<Vec<Row>> {
 ///
 /// # Errors
 /// As [`fit`].
-pub fn all(bands: usize) -> Result<Vec<Window>> {
+pub fn all(bands: usize) -> Result<Vec<HarmonicWindow>> {
     Ok(vec![
-        Window::none(bands),
-        Window::zonal(bands),
-        Window::lanczos(bands),
-        Window::laplacian(bands, 0.002),
+        HarmonicWindow::none(bands),
+        HarmonicWindow::zonal(bands),
+        HarmonicWindow::lanczos(bands),
+        HarmonicWindow::laplacian(bands, 0.002),
         matched(bands)?,
-        Window::positive(bands),
+        HarmonicWindow::positive(bands),
     ])
 }
 
@@ -255,7 +256,7 @@ mod tests {
     #[test]
     fn weight_trades_ringing_for_loss() {
         let seen = skies(FITTED_ON, 5).unwrap();
-        let basis = Basis::new(5);
+        let basis = HarmonicBasis::new(5);
         let at = |weight: f64| {
             let (w, f) = fit(5, weight).unwrap();
             let change =

@@ -1,24 +1,24 @@
 //! The anchors of a scene, and the place where the rows of each instance begin.
 
 use crate::transfer::Options;
-use mesophyll_transport::transfer::{Anchors, Rows};
-use mesophyll_transport::world::{ReferenceLeaf, World};
+use mesophyll_transport::transfer::{MeshAnchors, TransferRows};
+use mesophyll_transport::world::{ReferenceLeaf, ReferenceWorld};
 use std::ops::Range;
 
 /// The anchors of one leaf (or wood, or ground) of the world, and the rows that each of them has.
 #[derive(Debug, Clone, PartialEq)]
-pub struct OfLeaf {
+pub struct LeafRows {
     /// The anchors, which all instances of the leaf share.
-    pub anchors: Anchors,
+    pub anchors: MeshAnchors,
     /// The rows of each anchor.
-    pub rows: Rows,
+    pub rows: TransferRows,
 }
 
 /// The rows of a whole scene, in the order of the instances and, within an instance, of the anchors.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Layout {
+pub struct TransferLayout {
     /// The leaves, in the world's order.
-    pub leaves: Vec<OfLeaf>,
+    pub leaves: Vec<LeafRows>,
     /// First row of each instance.
     pub first: Vec<usize>,
     /// Number of rows of all instances together.
@@ -29,19 +29,19 @@ pub struct Layout {
     each: Vec<usize>,
 }
 
-impl Layout {
+impl TransferLayout {
     /// The layout of a world. Its first `leaves` leaves are leaves, and the others are wood or ground. An instance that
     /// is not `seen` gets no rows of its own, because no picture shows its light. It shares the rows of another
     /// instance of the same leaf.
-    pub fn new(world: &World, leaves: usize, seen: &[bool], options: &Options) -> Layout {
+    pub fn new(world: &ReferenceWorld, leaves: usize, seen: &[bool], options: &Options) -> TransferLayout {
         let of = |(k, leaf): (usize, &ReferenceLeaf)| match k < leaves {
-            true => OfLeaf {
-                anchors: Anchors::on_leaf(leaf, options.anchors),
-                rows: if glossy(leaf) { Rows::Glossy(options.gloss_bands) } else { Rows::Both },
+            true => LeafRows {
+                anchors: MeshAnchors::on_leaf(leaf, options.anchors),
+                rows: if glossy(leaf) { TransferRows::Glossy(options.gloss_bands) } else { TransferRows::Both },
             },
-            false => OfLeaf { anchors: Anchors::at_vertices(leaf), rows: Rows::Front },
+            false => LeafRows { anchors: MeshAnchors::at_vertices(leaf), rows: TransferRows::Front },
         };
-        let leaves: Vec<OfLeaf> = world.leaves.iter().enumerate().map(of).collect();
+        let leaves: Vec<LeafRows> = world.leaves.iter().enumerate().map(of).collect();
         let shown = |k: usize| seen.get(k).is_none_or(|s| *s);
         // For each leaf, the first instance that is seen; where none is seen, the first instance.
         let mut stands_for: Vec<Option<usize>> = vec![None; leaves.len()];
@@ -62,7 +62,7 @@ impl Layout {
         for (k, p) in world.instances.iter().enumerate().filter(|(k, _)| !own(*k)) {
             first[k] = stands_for[p.leaf].map_or(0, |other| first[other]);
         }
-        Layout { leaves, first, rows, ground: world.ground, each }
+        TransferLayout { leaves, first, rows, ground: world.ground, each }
     }
 
     /// Number of anchors of all instances together.
@@ -76,7 +76,7 @@ impl Layout {
     }
 
     /// Number of rows that belong to one instance alone.
-    pub fn rows_of(&self, world: &World, instance: usize) -> usize {
+    pub fn rows_of(&self, world: &ReferenceWorld, instance: usize) -> usize {
         self.each[instance] * self.leaves[world.instances[instance].leaf].rows.count()
     }
 

@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 use mesophyll_files::hash;
-use mesophyll_transport::transfer::Columns;
-use mesophyll_transport::world::{Interior, ReferenceLeaf, ReferenceSide, Sunlit, World};
+use mesophyll_transport::transfer::TransferColumns;
+use mesophyll_transport::world::{ReferenceInterior, ReferenceLeaf, ReferenceSide, ReferenceWorld, SunlitMaps};
 use std::f64::consts::PI;
 
 /// The hash of every mesh, map and place.
-pub fn hash(world: &World, leaves: usize) -> String {
+pub fn hash(world: &ReferenceWorld, leaves: usize) -> String {
     let each: Vec<String> = world.leaves.iter().map(leaf).collect();
     let places = world.instances.iter().flat_map(|p| {
         let matrix = p.transform.to_cols_array().into_iter().flat_map(f64::to_le_bytes);
@@ -23,7 +23,7 @@ pub fn hash(world: &World, leaves: usize) -> String {
 const DIRECTIONS: usize = 2000;
 
 /// Radiance of the sky in one of the [`DIRECTIONS`].
-fn sky(world: &World, k: usize) -> [f64; 3] {
+fn sky(world: &ReferenceWorld, k: usize) -> [f64; 3] {
     let golden = PI * (3.0 - 5f64.sqrt());
     let z = 1.0 - 2.0 * (k as f64 + 0.5) / DIRECTIONS as f64;
     let (sin, cos) = (golden * k as f64).sin_cos();
@@ -33,8 +33,8 @@ fn sky(world: &World, k: usize) -> [f64; 3] {
 
 /// The number that entries are divided by before they are stored as half floats. Where entries are the light itself,
 /// which may have any unit, it is about the largest irradiance. Elsewhere it is 1.
-pub fn scale(world: &World, columns: Columns) -> f32 {
-    if columns != Columns::Light {
+pub fn scale(world: &ReferenceWorld, columns: TransferColumns) -> f32 {
+    if columns != TransferColumns::Light {
         return 1.0;
     }
     let sun = world.sun.map_or([0.0; 3], |s| s.irradiance);
@@ -45,15 +45,15 @@ pub fn scale(world: &World, columns: Columns) -> f32 {
 
 /// The hash of sun and sky, and of the sun's way through leaves. A sky is identified by its radiance in [`DIRECTIONS`]
 /// directions.
-pub fn light_hash(world: &World) -> String {
+pub fn light_hash(world: &ReferenceWorld) -> String {
     let bytes: Vec<u8> = (0..DIRECTIONS).flat_map(|k| sky(world, k)).flat_map(f64::to_le_bytes).collect();
     let mut through = Vec::new();
     let entering = world.through.iter().flat_map(|t| &t.entering).enumerate();
     for (k, sunlit) in entering.filter_map(|(k, s)| Some((k, s.as_ref()?))) {
         through.extend((k as u64).to_le_bytes());
         let maps: Vec<&Vec<f32>> = match sunlit {
-            Sunlit::Factor(map) => vec![map.as_ref()],
-            Sunlit::Colour(maps) => maps.iter().collect(),
+            SunlitMaps::Factor(map) => vec![map.as_ref()],
+            SunlitMaps::Colour(maps) => maps.iter().collect(),
         };
         through.extend(maps.into_iter().flatten().flat_map(|v| v.to_le_bytes()));
     }
@@ -77,7 +77,9 @@ fn leaf(leaf: &ReferenceLeaf) -> String {
         side(s, &mut put);
     }
     let lengths = [mesh.positions.len(), mesh.tangents.len(), mesh.indices.len()];
-    let kind = |s: &ReferenceSide| (matches!(s.interior, Interior::Maps { .. }), s.gloss.is_some(), s.normal.is_some());
+    let kind = |s: &ReferenceSide| {
+        (matches!(s.interior, ReferenceInterior::Maps { .. }), s.gloss.is_some(), s.normal.is_some())
+    };
     let sides = [kind(&leaf.front), kind(&leaf.back)];
     let told = format!("{} {} {:?} {} {lengths:?} {sides:?}", leaf.width, leaf.height, leaf.lobe, mesh.discs);
     hash::combine([("maps", hash::bytes(&bytes).as_str()), ("told", told.as_str())])
@@ -86,11 +88,11 @@ fn leaf(leaf: &ReferenceLeaf) -> String {
 fn side(side: &ReferenceSide, put: &mut dyn FnMut(&mut dyn Iterator<Item = f64>)) {
     let mut maps = |maps: &[Vec<f32>]| put(&mut maps.iter().flatten().map(|v| f64::from(*v)));
     match &side.interior {
-        Interior::Maps { rho_d, rho_t } => {
+        ReferenceInterior::Maps { rho_d, rho_t } => {
             maps(rho_d);
             maps(rho_t);
         }
-        Interior::Scalars { gamma, thickness, curve } => {
+        ReferenceInterior::Scalars { gamma, thickness, curve } => {
             maps(gamma);
             maps(std::slice::from_ref(thickness));
             // The curve is a function, so the hash takes its values over the range of thicknesses that occur.

@@ -15,18 +15,18 @@ mod sun;
 #[cfg(test)]
 mod tests;
 
-pub use layout::{Layout, OfLeaf};
-pub use store::{OPERATORS, Transfer};
-pub use sun::{LiveSun, SUN, Sun, SunMaps};
+pub use layout::{LeafRows, TransferLayout};
+pub use store::{OPERATORS, TransferFit};
+pub use sun::{FreeSun, SUN, SunShadowMaps, TransferSun};
 
-use crate::record::maker::{self, Maker, Outcome};
-use crate::record::{FitKind, FitRecord, Section};
+use crate::record::maker::{self, FitMaker, FitOutcome};
+use crate::record::{FitKind, FitRecord, RecordSection};
 use mesophyll_base::error::{Error, Result};
-use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::{hash, memory, progress};
-use mesophyll_transport::path::{Paths, Tracer};
-use mesophyll_transport::transfer::{self, Columns, Method, Receiver, Request};
-use mesophyll_transport::world::World;
+use mesophyll_transport::path::{PathSettings, PathTracer};
+use mesophyll_transport::transfer::{self, TransferColumns, TransferMethod, TransferReceiver, TransferRequest};
+use mesophyll_transport::world::ReferenceWorld;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
@@ -35,11 +35,11 @@ use std::sync::Arc;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// How light between surfaces is found.
-    pub method: Method,
+    pub method: TransferMethod,
     /// Number of anchors along a leaf and across it.
     pub anchors: [usize; 2],
     /// The functions that the light is a sum of.
-    pub columns: Columns,
+    pub columns: TransferColumns,
     /// Number of bands of the harmonics for a glossy leaf, 1 to 7.
     pub gloss_bands: usize,
     /// Number of paths from each anchor.
@@ -52,17 +52,17 @@ pub struct Options {
 
 /// A scene and what its transfer is made for.
 #[derive(Debug, Clone)]
-pub struct Scene {
+pub struct TransferScene {
     /// Name of the scene.
     pub name: String,
     /// The things that stand in it, and its light.
-    pub world: Arc<World>,
+    pub world: Arc<ReferenceWorld>,
     /// How many of the world's leaves, counted from the first, are leaves. The others are wood and ground.
     pub leaves: usize,
     /// Whether any picture will show each instance. Instances beyond the end of the list count as shown.
     pub seen: Vec<bool>,
     /// The sun whose shadows are computed too ([`Scene::under_sun`]).
-    pub sun: Option<Sun>,
+    pub sun: Option<TransferSun>,
 }
 
 /// Bytes of memory for each entry while it is computed: its four numbers as they are traced, scaled, packed and read
@@ -89,27 +89,27 @@ struct Part {
 /// # Errors
 /// [`Error::Input`] for a world that contradicts itself, [`Error::Usage`] where it would need more memory than there
 /// is, [`Error::Interrupted`] after a stop (finished parts are kept), and what [`maker::make`] gives.
-pub fn run(scene: &Scene, inputs: &[&Path], out: &Path, options: &Options) -> Result<Outcome> {
+pub fn run(scene: &TransferScene, inputs: &[&Path], out: &Path, options: &Options) -> Result<FitOutcome> {
     let (scene, options) = (scene.clone(), *options);
     maker::make(FitKind::Transfer, out, inputs, move |maker| fit(&scene, &options, maker))
 }
 
-fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+fn fit(scene: &TransferScene, options: &Options, maker: &mut FitMaker) -> Result<FitOutcome> {
     let hash = maker.phase("look", || Ok(input_hash(scene, options)))?;
     if let Some(found) = maker.up_to_date(hash, options.force)? {
         return Ok(found);
     }
     let world = &*scene.world;
-    let layout = maker.phase("anchors", || Ok(Layout::new(world, scene.leaves, &scene.seen, options)))?;
+    let layout = maker.phase("anchors", || Ok(TransferLayout::new(world, scene.leaves, &scene.seen, options)))?;
     let columns = options.columns.count();
     let bytes = (layout.rows * columns) as u64 * BYTES_AN_ENTRY;
     memory::require(bytes, &format!("the transfer of {} anchors", layout.anchors()))?;
-    let tracer = maker.phase("box trees", || Tracer::new(world, Paths::default()))?;
-    let bar = progress::Bar::new("transfer", layout.anchors() as u64);
+    let tracer = maker.phase("box trees", || PathTracer::new(world, PathSettings::default()))?;
+    let bar = progress::TaskProgress::new("transfer", layout.anchors() as u64);
     let (mut entries, mut errors) = (Vec::with_capacity(layout.rows * columns), Vec::new());
     let scale = matter::scale(world, options.columns);
     let request =
-        Request { method: options.method, columns: options.columns, paths: options.paths, seed: options.seed };
+        TransferRequest { method: options.method, columns: options.columns, paths: options.paths, seed: options.seed };
     let start = std::time::Instant::now();
     for (k, part) in layout.parts(ANCHORS_A_PART).into_iter().enumerate() {
         let name = format!("part-{k}");
@@ -117,7 +117,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
             let (mut found, mut errors) = (Vec::new(), Vec::new());
             for instance in part.clone().filter(|k| layout.is_own(*k)) {
                 let leaf = &layout.leaves[world.instances[instance].leaf];
-                let receiver = Receiver { instance, anchors: &leaf.anchors.points, rows: leaf.rows };
+                let receiver = TransferReceiver { instance, anchors: &leaf.anchors.points, rows: leaf.rows };
                 let of = transfer::measure(&tracer, &receiver, &request);
                 progress::go_on()?;
                 found.extend(of.entries.into_iter().map(|e| e.map(|v| v / scale)));
@@ -154,7 +154,7 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         section.figures.insert("bytes".into(), maps.bytes() as f64);
     }
     let out = maker.begin()?;
-    let maps: Maps = store::maps(&entries);
+    let maps: ChannelMaps = store::maps(&entries);
     write_exr(&out.join(OPERATORS), &maps, Packing::Half)?;
     record.files.insert(OPERATORS.into(), hash::file(&out.join(OPERATORS))?);
     store::preview(out, &layout, world, &entries, columns)?;
@@ -163,24 +163,24 @@ fn fit(scene: &Scene, options: &Options, maker: &mut Maker) -> Result<Outcome> {
         record.files.insert(SUN.into(), hash::file(&out.join(SUN))?);
     }
     maker.finish(&record)?;
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }
 
 /// The hash of everything that decides the transfer of a scene.
-pub fn input_hash(scene: &Scene, options: &Options) -> String {
+pub fn input_hash(scene: &TransferScene, options: &Options) -> String {
     let mut told = format!(
         "{:?} {:?} {} {} {} {:?}",
         options.anchors, options.columns, options.gloss_bands, options.paths, options.seed, scene.seen
     );
-    if options.method != Method::Paths {
+    if options.method != TransferMethod::Paths {
         told += &format!(" {:?}", options.method);
     }
     let matter = matter::hash(&scene.world, scene.leaves);
     let light = match options.columns {
-        Columns::Harmonics(_) => String::new(),
-        Columns::Light => matter::light_hash(&scene.world),
+        TransferColumns::Harmonics(_) => String::new(),
+        TransferColumns::Light => matter::light_hash(&scene.world),
     };
-    let sun = scene.sun.as_ref().map_or(String::new(), Sun::hash);
+    let sun = scene.sun.as_ref().map_or(String::new(), TransferSun::hash);
     maker::input_hash([
         ("method", METHOD),
         ("matter", matter.as_str()),
@@ -191,22 +191,22 @@ pub fn input_hash(scene: &Scene, options: &Options) -> String {
 }
 
 /// Writes what the record says of the fit.
-fn describe(record: &mut FitRecord, layout: &Layout, options: &Options, errors: &[f32], entries: usize) {
+fn describe(record: &mut FitRecord, layout: &TransferLayout, options: &Options, errors: &[f32], entries: usize) {
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("anchors", format!("{}x{} a leaf", options.anchors[0], options.anchors[1]));
     say(
         "light",
         match options.columns {
-            Columns::Harmonics(bands) => format!("harmonics of {bands} bands"),
-            Columns::Light => "the scene's own, standing still".into(),
+            TransferColumns::Harmonics(bands) => format!("harmonics of {bands} bands"),
+            TransferColumns::Light => "the scene's own, standing still".into(),
         },
     );
-    if options.method == Method::AmbientOcclusion {
+    if options.method == TransferMethod::AmbientOcclusion {
         say("method", "multi-bounce ambient occlusion: one ray each, what lies behind is estimated".into());
     }
     say("paths", options.paths.to_string());
     say("seed", options.seed.to_string());
-    let mut section = Section::default();
+    let mut section = RecordSection::default();
     let dark = errors.iter().filter(|e| e.is_nan()).count();
     section.counts.insert("anchors".into(), layout.anchors());
     section.counts.insert("rows".into(), layout.rows);

@@ -1,11 +1,11 @@
 //! A transfer on disk: its entries as four channels of half floats, and a picture of its light.
 
 use crate::record::{FitKind, FitRecord};
-use crate::transfer::{Layout, Options, SUN, Scene, SunMaps, input_hash};
+use crate::transfer::{Options, SUN, SunShadowMaps, TransferLayout, TransferScene, input_hash};
 use mesophyll_base::error::{Error, Result};
-use mesophyll_files::image::{Maps, read_exr, to_srgb8, write_png};
-use mesophyll_transport::transfer::Columns;
-use mesophyll_transport::world::World;
+use mesophyll_files::image::{ChannelMaps, read_exr, to_srgb8, write_png};
+use mesophyll_transport::transfer::TransferColumns;
+use mesophyll_transport::world::ReferenceWorld;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -20,11 +20,11 @@ const CHANNELS: [&str; 4] = ["between.R", "between.G", "between.B", "straight.Y"
 
 /// A transfer that was read.
 #[derive(Debug, Clone)]
-pub struct Transfer {
+pub struct TransferFit {
     /// Where the rows of each instance are.
-    pub layout: Layout,
+    pub layout: TransferLayout,
     /// The functions that the light is a sum of.
-    pub columns: Columns,
+    pub columns: TransferColumns,
     /// Number of bands of the harmonics among the rows of a glossy leaf.
     pub gloss_bands: usize,
     /// The factor that the entries are to be multiplied by.
@@ -33,33 +33,33 @@ pub struct Transfer {
     /// straight from the sky.
     pub entries: Vec<[f32; 4]>,
     /// The sun's shadows, where the fit has them.
-    pub sun: Option<SunMaps>,
+    pub sun: Option<SunShadowMaps>,
     /// The world, with the meshes that the anchors and the sun's shares belong to.
-    pub world: Arc<World>,
+    pub world: Arc<ReferenceWorld>,
     /// The record of the fit.
     pub record: FitRecord,
 }
 
-impl Transfer {
+impl TransferFit {
     /// Reads the transfer in `folder`; `None` where it was made for another scene, other light or other options. One
     /// that also holds instances that `scene` does not show will do.
     ///
     /// # Errors
     /// [`Error::Input`] for a folder without a fit or with one of another kind, and for a damaged file;
     /// [`Error::Missed`] for a file that is not what the fit wrote.
-    pub fn open(folder: &Path, scene: &Scene, options: &Options) -> Result<Option<Transfer>> {
+    pub fn open(folder: &Path, scene: &TransferScene, options: &Options) -> Result<Option<TransferFit>> {
         let record = FitRecord::read_as(folder, FitKind::Transfer)?;
-        let held = Scene { seen: held(&record, scene.world.instances.len()), ..scene.clone() };
+        let held = TransferScene { seen: held(&record, scene.world.instances.len()), ..scene.clone() };
         let has = |seen: &[bool], k: usize| seen.get(k).is_none_or(|s| *s);
         let all_there = (0..scene.world.instances.len()).all(|k| has(&held.seen, k) || !has(&scene.seen, k));
         if !all_there || record.input_hash != input_hash(&held, options) {
             return Ok(None);
         }
         record.verify(folder)?;
-        let layout = Layout::new(&scene.world, scene.leaves, &held.seen, options);
+        let layout = TransferLayout::new(&scene.world, scene.leaves, &held.seen, options);
         let scale = crate::transfer::matter::scale(&scene.world, options.columns);
         let entries = entries(&folder.join(OPERATORS), layout.rows * options.columns.count())?;
-        Ok(Some(Transfer {
+        Ok(Some(TransferFit {
             layout,
             columns: options.columns,
             gloss_bands: options.gloss_bands,
@@ -103,9 +103,9 @@ fn held(record: &FitRecord, instances: usize) -> Vec<bool> {
 }
 
 /// The entries as an image.
-pub(crate) fn maps(entries: &[[f32; 4]]) -> Maps {
+pub(crate) fn maps(entries: &[[f32; 4]]) -> ChannelMaps {
     let height = entries.len().div_ceil(LINE).max(1);
-    let mut maps = Maps::new(LINE, height);
+    let mut maps = ChannelMaps::new(LINE, height);
     for (c, name) in CHANNELS.into_iter().enumerate() {
         let mut plane: Vec<f32> = entries.iter().map(|e| e[c]).collect();
         plane.resize(LINE * height, 0.0);
@@ -134,7 +134,13 @@ pub(crate) fn entries(path: &Path, count: usize) -> Result<Vec<[f32; 4]>> {
 
 /// Writes a picture of the mean irradiance on each anchor under an even light. Each instance has a line and each anchor
 /// a pixel; the front is above and the back below.
-pub(crate) fn preview(out: &Path, layout: &Layout, world: &World, entries: &[[f32; 4]], columns: usize) -> Result<()> {
+pub(crate) fn preview(
+    out: &Path,
+    layout: &TransferLayout,
+    world: &ReferenceWorld,
+    entries: &[[f32; 4]],
+    columns: usize,
+) -> Result<()> {
     let shown = world.instances.len().clamp(1, 256);
     let width = (0..world.instances.len().min(shown))
         .map(|k| layout.leaves[world.instances[k].leaf].anchors.points.len())

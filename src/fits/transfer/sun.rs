@@ -4,12 +4,14 @@
 //! The meshes are refined for this, so that a penumbra covers several vertices. The rest of the transfer then uses the
 //! finer meshes too. They are the same surfaces.
 
-use crate::transfer::Scene;
+use crate::transfer::TransferScene;
 use glam::DVec3;
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_transport::visibility::{AreaLight, CodedMaps, Collector, Directions, Receivers, Shadows};
-use mesophyll_transport::world::World;
+use mesophyll_transport::visibility::{
+    AreaLight, CodedMaps, MapCollector, ShadowDirections, ShadowReceivers, ShadowScene,
+};
+use mesophyll_transport::world::ReferenceWorld;
 use std::path::Path;
 use std::sync::{Arc, mpsc};
 
@@ -23,20 +25,20 @@ const WOOD: f64 = 4.0;
 
 /// A sun whose shadows are computed beforehand.
 #[derive(Debug, Clone)]
-pub struct Sun {
+pub struct TransferSun {
     /// The points at which its light is known: the vertices of the finer meshes.
-    pub receivers: Arc<Receivers>,
+    pub receivers: Arc<ShadowReceivers>,
     light: AreaLight,
-    directions: Directions,
+    directions: ShadowDirections,
     /// Angular radius (rad).
     radius: f64,
 }
 
 /// Maps that were read from a file.
 #[derive(Debug, Clone)]
-pub struct SunMaps {
+pub struct SunShadowMaps {
     /// The points at which the sun's light is known: the vertices of the finer meshes.
-    pub receivers: Arc<Receivers>,
+    pub receivers: Arc<ShadowReceivers>,
     /// The share of the sun that each point sees, for every place of the sun.
     pub maps: CodedMaps,
     light: AreaLight,
@@ -45,9 +47,9 @@ pub struct SunMaps {
 /// Maps for a sun that moves freely. A thread makes them while the previous picture is still shown. It starts when the
 /// sun first moves.
 #[derive(Debug)]
-pub struct LiveSun {
-    world: Arc<World>,
-    receivers: Arc<Receivers>,
+pub struct FreeSun {
+    world: Arc<ReferenceWorld>,
+    receivers: Arc<ShadowReceivers>,
     light: AreaLight,
     thread: Thread,
     /// The direction that was asked for last.
@@ -66,7 +68,7 @@ enum Thread {
     Failed,
 }
 
-impl Scene {
+impl TransferScene {
     /// The scene with meshes whose edges are at most `edge_mm` long, and with a sun of angular `radius` (rad) whose
     /// shadows are computed for these directions towards the sun. The ground is not refined: a shadow on it is too
     /// small for vertices.
@@ -74,7 +76,7 @@ impl Scene {
     /// # Errors
     /// [`Error::Usage`] for an empty list of directions, or for a radius that no sun has; [`Error::Input`] for discs,
     /// and for edges so short that the machine lacks the memory.
-    pub fn under_sun(self, radius: f64, directions: &[DVec3], edge_mm: f64) -> Result<Scene> {
+    pub fn under_sun(self, radius: f64, directions: &[DVec3], edge_mm: f64) -> Result<TransferScene> {
         let ground = self.world.ground.map(|k| self.world.instances[k].leaf);
         let edge = |k: usize| match k {
             _ if Some(k) == ground => f64::INFINITY,
@@ -82,22 +84,22 @@ impl Scene {
             _ => WOOD * edge_mm,
         };
         let edges: Vec<f64> = (0..self.world.leaves.len()).map(edge).collect();
-        let receivers = Receivers::new(&self.world, &edges)?;
-        let mut world = World::clone(&self.world);
+        let receivers = ShadowReceivers::new(&self.world, &edges)?;
+        let mut world = ReferenceWorld::clone(&self.world);
         for (k, leaf) in world.leaves.iter_mut().enumerate().filter(|(k, _)| Some(*k) != ground) {
             leaf.mesh = receivers.blades[k].mesh.clone();
         }
-        let sun = Sun {
+        let sun = TransferSun {
             receivers: Arc::new(receivers),
             light: AreaLight::disk(radius, POINTS)?,
-            directions: Directions::arc(directions)?,
+            directions: ShadowDirections::arc(directions)?,
             radius,
         };
-        Ok(Scene { world: Arc::new(world), sun: Some(sun), ..self })
+        Ok(TransferScene { world: Arc::new(world), sun: Some(sun), ..self })
     }
 }
 
-impl Sun {
+impl TransferSun {
     /// The hash of everything that decides the maps, except the scene's meshes and places.
     pub(crate) fn hash(&self) -> String {
         let numbers = self.directions.list().iter().flat_map(|d| d.to_array()).chain([self.radius]);
@@ -109,9 +111,9 @@ impl Sun {
     ///
     /// # Errors
     /// [`Error::Interrupted`] after Ctrl-C.
-    pub(crate) fn maps(&self, world: &World) -> Result<CodedMaps> {
-        let mut maps = Collector::new(self.receivers.len());
-        let shadows = Shadows::new(world, &self.receivers, &self.light)?;
+    pub(crate) fn maps(&self, world: &ReferenceWorld) -> Result<CodedMaps> {
+        let mut maps = MapCollector::new(self.receivers.len());
+        let shadows = ShadowScene::new(world, &self.receivers, &self.light)?;
         shadows.maps(self.directions.list(), |_, map| maps.push(map))?;
         maps.finish(self.directions.clone())
     }
@@ -120,7 +122,7 @@ impl Sun {
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing, damaged, or of another scene.
-    pub(crate) fn read(&self, path: &Path) -> Result<SunMaps> {
+    pub(crate) fn read(&self, path: &Path) -> Result<SunShadowMaps> {
         let maps = CodedMaps::read(path)?;
         if maps.receivers() != self.receivers.len() || maps.directions().len() != self.directions.len() {
             let (found, asked) = (maps.directions().len(), self.directions.len());
@@ -131,11 +133,11 @@ impl Sun {
             );
             return Err(Error::input(path, what));
         }
-        Ok(SunMaps { receivers: self.receivers.clone(), maps, light: self.light.clone() })
+        Ok(SunShadowMaps { receivers: self.receivers.clone(), maps, light: self.light.clone() })
     }
 }
 
-impl SunMaps {
+impl SunShadowMaps {
     /// 255 times the share of the sun that every vertex sees, for a sun in this direction, instance by instance.
     ///
     /// # Errors
@@ -148,13 +150,13 @@ impl SunMaps {
 
     /// Prepares maps for every place that the sun is moved to. `world` is the one that these maps belong to. `shown` is
     /// the sun's direction in the map that is drawn now, as the very numbers that [`LiveSun::follow`] will get.
-    pub fn live(&self, world: Arc<World>, shown: DVec3) -> LiveSun {
+    pub fn live(&self, world: Arc<ReferenceWorld>, shown: DVec3) -> FreeSun {
         let (receivers, light) = (self.receivers.clone(), self.light.clone());
-        LiveSun { world, receivers, light, thread: Thread::NotYet, wanted: shown, waiting: false }
+        FreeSun { world, receivers, light, thread: Thread::NotYet, wanted: shown, waiting: false }
     }
 }
 
-impl LiveSun {
+impl FreeSun {
     /// Asks for the map of a sun in this direction if the direction is new. Returns the last map that has arrived since
     /// the previous call: 255 times the share of the sun that every vertex sees, instance by instance.
     ///
@@ -205,13 +207,13 @@ impl LiveSun {
         let work = move || {
             // If the sun moved on in the meantime, only its last place counts.
             let places = std::iter::from_fn(|| asked.recv().ok().map(|first| asked.try_iter().last().unwrap_or(first)));
-            let follow = |shadows: Shadows| {
+            let follow = |shadows: ShadowScene| {
                 shadows.follow(places, |direction, map| {
                     let nobody = |_| Error::Interrupted("nobody wants the maps any more".into());
                     done.send(Ok((direction, map.to_vec()))).map_err(nobody)
                 })
             };
-            if let Err(error) = Shadows::new(&world, &receivers, &light).and_then(follow) {
+            if let Err(error) = ShadowScene::new(&world, &receivers, &light).and_then(follow) {
                 let _ = done.send(Err(error));
             }
         };

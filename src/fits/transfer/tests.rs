@@ -3,12 +3,12 @@
 use super::*;
 use glam::{DMat4, DVec2, DVec3};
 use mesophyll_transport::lobe::Lobe;
-use mesophyll_transport::world::{Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide};
+use mesophyll_transport::world::{ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide};
 
-fn scene() -> Scene {
+fn scene() -> TransferScene {
     let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
     let side = || ReferenceSide {
-        interior: Interior::Maps {
+        interior: ReferenceInterior::Maps {
             rho_d: [vec![0.1], vec![0.4], vec![0.1]],
             rho_t: [vec![0.1], vec![0.3], vec![0.05]],
         },
@@ -32,29 +32,37 @@ fn scene() -> Scene {
         lobe: Lobe::Beckmann,
     };
     let instances = (0..3)
-        .map(|k| Placement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 4.0 * f64::from(k)) })
+        .map(|k| ReferencePlacement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 4.0 * f64::from(k)) })
         .collect();
-    let world = World { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..World::default() };
-    Scene { name: "stack".into(), world: Arc::new(world), leaves: 1, seen: Vec::new(), sun: None }
+    let world = ReferenceWorld { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..ReferenceWorld::default() };
+    TransferScene { name: "stack".into(), world: Arc::new(world), leaves: 1, seen: Vec::new(), sun: None }
 }
 
-fn options(columns: Columns) -> Options {
-    Options { method: Method::Paths, anchors: [3, 2], columns, gloss_bands: 3, paths: 64, seed: 5, force: false }
+fn options(columns: TransferColumns) -> Options {
+    Options {
+        method: TransferMethod::Paths,
+        anchors: [3, 2],
+        columns,
+        gloss_bands: 3,
+        paths: 64,
+        seed: 5,
+        force: false,
+    }
 }
 
 #[test]
 fn what_is_written_is_what_is_read() {
     let (scene, dir) = (scene(), tempfile::tempdir().unwrap());
-    for (name, columns) in [("harmonics", Columns::Harmonics(3)), ("light", Columns::Light)] {
+    for (name, columns) in [("harmonics", TransferColumns::Harmonics(3)), ("light", TransferColumns::Light)] {
         let (out, options) = (dir.path().join(name), options(columns));
-        assert!(matches!(run(&scene, &[], &out, &options), Ok(Outcome::Done(_))));
-        assert!(matches!(run(&scene, &[], &out, &options), Ok(Outcome::UpToDate(_))));
-        let read = Transfer::open(&out, &scene, &options).unwrap().unwrap();
+        assert!(matches!(run(&scene, &[], &out, &options), Ok(FitOutcome::Done(_))));
+        assert!(matches!(run(&scene, &[], &out, &options), Ok(FitOutcome::UpToDate(_))));
+        let read = TransferFit::open(&out, &scene, &options).unwrap().unwrap();
         assert_eq!(read.layout.rows, 3 * 6 * 6);
-        let tracer = Tracer::new(&scene.world, Paths::default()).unwrap();
+        let tracer = PathTracer::new(&scene.world, PathSettings::default()).unwrap();
         let anchors = &read.layout.leaves[0].anchors.points;
-        let receiver = Receiver { instance: 1, anchors, rows: read.layout.leaves[0].rows };
-        let request = Request { method: Method::Paths, columns, paths: 64, seed: 5 };
+        let receiver = TransferReceiver { instance: 1, anchors, rows: read.layout.leaves[0].rows };
+        let request = TransferRequest { method: TransferMethod::Paths, columns, paths: 64, seed: 5 };
         let found = transfer::measure(&tracer, &receiver, &request);
         let of_one = &read.entries[read.layout.first[1] * columns.count()..][..found.entries.len()];
         // A half float has a significand of eleven bits.
@@ -70,17 +78,17 @@ fn what_is_written_is_what_is_read() {
 #[test]
 fn another_scene_or_light_is_another_transfer() {
     let base = scene();
-    let changed = |change: &dyn Fn(&mut World)| {
+    let changed = |change: &dyn Fn(&mut ReferenceWorld)| {
         let mut world = (*base.world).clone();
         change(&mut world);
-        Scene { world: Arc::new(world), ..base.clone() }
+        TransferScene { world: Arc::new(world), ..base.clone() }
     };
-    let (bands, light) = (options(Columns::Harmonics(3)), options(Columns::Light));
+    let (bands, light) = (options(TransferColumns::Harmonics(3)), options(TransferColumns::Light));
     let moved = changed(&|w| w.instances[1].transform.w_axis.x += 1e-9);
     let dyed = changed(&|w| w.leaves[0].front.interior = w.leaves[0].back.interior.clone());
     let darker = changed(&|w| w.sky = Some([0.9; 3]));
     let greyer = changed(&|w| {
-        if let Interior::Maps { rho_d, .. } = &mut w.leaves[0].front.interior {
+        if let ReferenceInterior::Maps { rho_d, .. } = &mut w.leaves[0].front.interior {
             rho_d[0][0] = 0.11;
         }
     });
@@ -99,14 +107,14 @@ fn another_scene_or_light_is_another_transfer() {
 #[test]
 fn a_damaged_transfer_is_refused() {
     let (scene, dir) = (scene(), tempfile::tempdir().unwrap());
-    let (out, options) = (dir.path().join("t"), options(Columns::Light));
+    let (out, options) = (dir.path().join("t"), options(TransferColumns::Light));
     run(&scene, &[], &out, &options).unwrap();
     let entries = store::entries(&out.join(OPERATORS), 36).unwrap();
     assert!(store::entries(&out.join(OPERATORS), 100_000).is_err());
     let mut broken = entries;
     broken[3][1] = f32::NAN;
     write_exr(&out.join(OPERATORS), &store::maps(&broken), Packing::Half).unwrap();
-    let told = Transfer::open(&out, &scene, &options).unwrap_err().to_string();
+    let told = TransferFit::open(&out, &scene, &options).unwrap_err().to_string();
     assert!(told.contains("operators.exr") && told.contains("changed since it was fitted"), "{told}");
 }
 
@@ -114,12 +122,12 @@ fn a_damaged_transfer_is_refused() {
 #[test]
 fn what_is_never_seen_has_no_rows() {
     let (whole, dir) = (scene(), tempfile::tempdir().unwrap());
-    let options = options(Columns::Light);
+    let options = options(TransferColumns::Light);
     let rows = |seen: &[bool]| {
-        let scene = Scene { seen: seen.to_vec(), ..whole.clone() };
+        let scene = TransferScene { seen: seen.to_vec(), ..whole.clone() };
         let out = dir.path().join(format!("{seen:?}"));
         run(&scene, &[], &out, &options).unwrap();
-        let read = Transfer::open(&out, &scene, &options).unwrap().unwrap();
+        let read = TransferFit::open(&out, &scene, &options).unwrap().unwrap();
         assert_eq!(read.entries.len(), read.layout.rows);
         (read.layout.first, read.entries)
     };
@@ -128,11 +136,11 @@ fn what_is_never_seen_has_no_rows() {
     assert_eq!(all, [0, one, 2 * one]);
     // What holds more than is shown will do, and what holds less will not.
     let folder = |seen: &[bool]| dir.path().join(format!("{seen:?}"));
-    let some = Scene { seen: vec![false, true, false], ..whole.clone() };
-    let read = Transfer::open(&folder(&[]), &some, &options).unwrap().unwrap();
+    let some = TransferScene { seen: vec![false, true, false], ..whole.clone() };
+    let read = TransferFit::open(&folder(&[]), &some, &options).unwrap().unwrap();
     assert_eq!((&read.layout.first, &read.entries), (&all, &entries));
     let (first, middle) = rows(&[false, true, false]);
-    assert!(Transfer::open(&folder(&some.seen), &whole, &options).unwrap().is_none());
+    assert!(TransferFit::open(&folder(&some.seen), &whole, &options).unwrap().is_none());
     assert_eq!(first, [0; 3]);
     assert_eq!(middle, entries[one..2 * one]);
     // Where no instance of a leaf is seen, one of them has rows all the same.
@@ -143,12 +151,12 @@ fn what_is_never_seen_has_no_rows() {
 /// stands still.
 #[test]
 fn a_live_sun_has_the_map_of_its_last_place() {
-    use mesophyll_transport::visibility::{AreaLight, Shadows};
+    use mesophyll_transport::visibility::{AreaLight, ShadowScene};
     let (at, radius) = (DVec3::new(0.1, 0.0, 1.0), 0.02);
     let (scene, dir) = (scene().under_sun(radius, &[at], 3.0).unwrap(), tempfile::tempdir().unwrap());
-    let options = Options { paths: 8, ..options(Columns::Harmonics(2)) };
+    let options = Options { paths: 8, ..options(TransferColumns::Harmonics(2)) };
     run(&scene, &[], dir.path(), &options).unwrap();
-    let read = Transfer::open(dir.path(), &scene, &options).unwrap().unwrap();
+    let read = TransferFit::open(dir.path(), &scene, &options).unwrap().unwrap();
     let sun = read.sun.unwrap();
     let mut live = sun.live(read.world.clone(), at);
     assert!(live.follow(at).unwrap().is_none() && !live.is_waiting());
@@ -163,7 +171,7 @@ fn a_live_sun_has_the_map_of_its_last_place() {
         found = live.follow(last).unwrap().or(found);
     }
     let light = AreaLight::disk(radius, 64).unwrap();
-    let rays = Shadows::new(&read.world, &sun.receivers, &light).unwrap().by_rays(last);
+    let rays = ShadowScene::new(&read.world, &sun.receivers, &light).unwrap().by_rays(last);
     let found = found.expect("no map came");
     // Points of the disk that lie just at an edge may differ: four of 64.
     assert!(found.iter().zip(&rays).all(|(a, b)| a.abs_diff(*b) <= 16), "{found:?} {rays:?}");
@@ -171,7 +179,7 @@ fn a_live_sun_has_the_map_of_its_last_place() {
     assert!(seen(&found) > rays.len() / 3 && seen(&found) < rays.len() * 9 / 10, "{}", seen(&found));
     assert_ne!(found, sun.shares(at).unwrap());
     // A world that contradicts itself has no maps. This is reported once, and then nothing is waited for.
-    let mut broken = World::clone(&read.world);
+    let mut broken = ReferenceWorld::clone(&read.world);
     broken.instances[0].leaf = 7;
     let told = broken.validate().unwrap_err().to_string();
     let mut live = sun.live(Arc::new(broken), at);

@@ -5,15 +5,15 @@
 //! wavelengths), `translucency.Y` or `.R .G .B` (with one light), `thickness.Y` (mm), `entering.Y` (the light of an
 //! even sky that enters, relative to a flat open texel) and `mask.Y` (1 on the leaf).
 
-use super::recipe::Recipe;
-use super::side::Made;
-use super::source::{SideMaps, Source};
+use super::recipe::TranslucencyRecipe;
+use super::side::TranslucencySide;
+use super::source::{TranslucencyLeaf, TranslucencySideMaps};
 use super::tissue;
-use super::{Colour, Options, TissueFrom, TissueName};
-use crate::leaf_folder::File;
-use crate::record::{FitRecord, Param, Section};
+use super::{Options, TissueName, TissueSource, TranslucencyColour};
+use crate::leaf_folder::LeafFitFile;
+use crate::record::{FitParameter, FitRecord, RecordSection};
 use crate::translucency::Result;
-use mesophyll_files::image::{Maps, Packing, to_srgb8, write_exr, write_png};
+use mesophyll_files::image::{ChannelMaps, Packing, to_srgb8, write_exr, write_png};
 use mesophyll_files::quantity::Quantity;
 use std::path::Path;
 
@@ -27,8 +27,13 @@ pub const PART: &str = "side.exr, side_translucency.png, section";
 ///
 /// # Errors
 /// [`crate::translucency::Error::Missed`] for a slab that the leaf fit did not determine.
-pub fn describe(record: &mut FitRecord, source: &Source, channels: &[usize], options: &Options) -> Result<()> {
-    Recipe::of(options, channels).write(&mut record.options);
+pub fn describe(
+    record: &mut FitRecord,
+    source: &TranslucencyLeaf,
+    channels: &[usize],
+    options: &Options,
+) -> Result<()> {
+    TranslucencyRecipe::of(options, channels).write(&mut record.options);
     let mut say = |name: &str, text: String| record.options.insert(name.into(), text);
     say("leaf", source.hash.clone());
     say("basis", options.sun.map_or(options.basis.name(), |_| "none: one light".into()));
@@ -56,8 +61,14 @@ pub fn describe(record: &mut FitRecord, source: &Source, channels: &[usize], opt
 ///
 /// # Errors
 /// [`crate::translucency::Error::Write`] for a file that cannot be written.
-pub fn side(out: &Path, source: &Source, of: &SideMaps, side: &Made, options: &Options) -> Result<Section> {
-    write_exr(&File::Maps.path(out, side.side), &maps(source, side, options), Packing::Zip)?;
+pub fn side(
+    out: &Path,
+    source: &TranslucencyLeaf,
+    of: &TranslucencySideMaps,
+    side: &TranslucencySide,
+    options: &Options,
+) -> Result<RecordSection> {
+    write_exr(&LeafFitFile::Maps.path(out, side.side), &maps(source, side, options), Packing::Zip)?;
     preview(out, source, side)?;
     Ok(section(source, of, side, options))
 }
@@ -65,15 +76,15 @@ pub fn side(out: &Path, source: &Source, of: &SideMaps, side: &Made, options: &O
 /// Name of coefficient `i` (from 0) of channel `c`.
 pub fn channel(options: &Options, c: usize, i: usize) -> String {
     match (options.colour, options.sun) {
-        (Colour::ThreeWavelengths, Some(_)) => format!("translucency.{}", RGB[c]),
-        (Colour::ThreeWavelengths, None) => format!("translucency.{}{}", RGB[c], i + 1),
+        (TranslucencyColour::ThreeWavelengths, Some(_)) => format!("translucency.{}", RGB[c]),
+        (TranslucencyColour::ThreeWavelengths, None) => format!("translucency.{}{}", RGB[c], i + 1),
         (_, Some(_)) => "translucency.Y".into(),
         (_, None) => format!("translucency.{}", i + 1),
     }
 }
 
-fn maps(source: &Source, side: &Made, options: &Options) -> Maps {
-    let mut maps = Maps::new(source.width, source.height);
+fn maps(source: &TranslucencyLeaf, side: &TranslucencySide, options: &Options) -> ChannelMaps {
+    let mut maps = ChannelMaps::new(source.width, source.height);
     for (c, images) in side.channels.iter().zip(&side.coefficients) {
         for (i, image) in images.iter().enumerate() {
             maps.push(channel(options, *c, i), image.iter().map(|v| *v as f32).collect());
@@ -88,7 +99,7 @@ fn maps(source: &Source, side: &Made, options: &Options) -> Maps {
 
 /// The first three images as a colour picture, from 0 (dark) to the 99th percentile (bright). Flat places are grey,
 /// flanks are coloured (as in H9 Fig. 3.16).
-fn preview(out: &Path, source: &Source, side: &Made) -> Result<()> {
+fn preview(out: &Path, source: &TranslucencyLeaf, side: &TranslucencySide) -> Result<()> {
     let Some(images) = side.coefficients.first() else { return Ok(()) };
     let mut all: Vec<f64> =
         images.iter().flat_map(|i| i.iter().zip(&side.mask).filter(|(_, m)| **m).map(|(v, _)| *v)).collect();
@@ -103,8 +114,13 @@ fn preview(out: &Path, source: &Source, side: &Made) -> Result<()> {
     write_png(&out.join(format!("{}_translucency.png", side.side.name())), source.width, source.height, &bytes)
 }
 
-fn section(source: &Source, of: &SideMaps, side: &Made, options: &Options) -> Section {
-    let mut s = Section { figures: side.figures.clone(), ..Section::default() };
+fn section(
+    source: &TranslucencyLeaf,
+    of: &TranslucencySideMaps,
+    side: &TranslucencySide,
+    options: &Options,
+) -> RecordSection {
+    let mut s = RecordSection { figures: side.figures.clone(), ..RecordSection::default() };
     let on = side.mask.iter().filter(|m| **m).count();
     s.counts.insert("texels".into(), side.mask.len());
     s.counts.insert("outside".into(), side.mask.len() - on);
@@ -114,11 +130,11 @@ fn section(source: &Source, of: &SideMaps, side: &Made, options: &Options) -> Se
         let each = |f: &dyn Fn(usize) -> f64| (0..side.tissue.len()).map(f).collect();
         s.params.insert(
             name.into(),
-            Param { value: each(value), stderr: each(stderr), unit: unit.into(), ..Param::default() },
+            FitParameter { value: each(value), stderr: each(stderr), unit: unit.into(), ..FitParameter::default() },
         );
     };
     // A tissue from the leaf fit has the leaf fit's errors; a tissue that the user states has none.
-    let fitted = options.tissue == TissueFrom::Named(TissueName::Fit);
+    let fitted = options.tissue == TissueSource::Named(TissueName::Fit);
     let err = |q: usize| move |k: usize| if fitted { of.sigma_err[q][side.channels[k]] } else { f64::NAN };
     say("sigma_a", "1/mm", &|k| side.tissue[k].sigma_a, &err(0));
     say("sigma_s", "1/mm", &|k| side.tissue[k].sigma_s, &err(1));

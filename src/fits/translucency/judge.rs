@@ -1,11 +1,11 @@
 //! How far the stored directions are from the full convolution, for light from three elevations (H9 Fig. 3.19: π/2,
 //! π/4, π/8) at four azimuths each.
 
-use super::spread::{ELEVATIONS, STEPS, Spread};
-use super::{Colour, colour};
-use mesophyll_optics::translucency::basis::Basis;
+use super::spread::{ELEVATIONS, STEPS, TranslucencySpread};
+use super::{TranslucencyColour, colour};
+use mesophyll_optics::translucency::basis::HemisphereBasis;
 use mesophyll_optics::translucency::blade::LitSide;
-use mesophyll_optics::translucency::convolve::Convolver;
+use mesophyll_optics::translucency::convolution::Convolver;
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
 use std::f64::consts::FRAC_PI_2;
@@ -19,9 +19,9 @@ pub fn direction(elevation: f64, azimuth: f64) -> [f64; 3] {
 }
 
 /// How M of a direction is turned into what is stored.
-pub struct Scale<'a> {
+pub struct TranslucencyScale<'a> {
     /// What the colour is taken from, which decides how M is scaled.
-    pub colour: Colour,
+    pub colour: TranslucencyColour,
     /// ∫ M dω of each texel.
     pub total: &'a [f64],
     /// Texels on the leaf.
@@ -35,9 +35,9 @@ pub fn against_full(
     lit: &LitSide,
     horizon: &Horizon,
     convolver: &Convolver,
-    basis: Basis,
+    basis: HemisphereBasis,
     stored: &[Vec<f64>],
-    scale: &Scale,
+    scale: &TranslucencyScale,
 ) -> Vec<(String, f64)> {
     let mut out = Vec::new();
     for ((name, elevation), step) in NAMES.into_iter().zip(ELEVATIONS).zip(STEPS) {
@@ -48,13 +48,13 @@ pub fn against_full(
             directions.iter().map(|d| irradiance(lit, horizon, *d, Visibility::Hard)).collect();
         let mut full = convolver.run(&lit.thickness, &sources);
         match scale.colour {
-            Colour::Substituted => {
+            TranslucencyColour::Substituted => {
                 colour::substitute(&mut full, scale.total, &vec![elevation.sin(); directions.len()], scale.mask);
             }
-            Colour::Product => {
+            TranslucencyColour::Product => {
                 colour::level(&mut full, scale.total, scale.mask);
             }
-            Colour::ThreeWavelengths => {}
+            TranslucencyColour::ThreeWavelengths => {}
         }
         let weights: Vec<Vec<f64>> =
             directions.iter().map(|d| (0..stored.len()).map(|i| basis.value(i, *d)).collect()).collect();
@@ -64,7 +64,7 @@ pub fn against_full(
             full.iter().enumerate().filter(|(k, _)| mask[*k]).map(move |(k, f)| [rec(m, k), *f])
         });
         let (square, level) = pairs.clone().fold((0.0, 0.0), |(s, l), [rec, f]| (s + (rec - f).powi(2), l + f * f));
-        let spread = Spread::of(elevation, step, pairs);
+        let spread = TranslucencySpread::of(elevation, step, pairs);
         let mut say = |what: &str, value: f64| out.push((format!("basis_{what}_{name}"), value));
         say("mean", spread.mean);
         say("median", spread.median);

@@ -28,19 +28,19 @@ pub mod source;
 pub mod spread;
 pub mod tissue;
 
-use crate::leaf_folder::File;
+use crate::leaf_folder::LeafFitFile;
 use crate::record::FitKind;
-use crate::record::maker::{self, Maker, Outcome};
+use crate::record::maker::{self, FitMaker, FitOutcome};
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_optics::dipole::Form;
-use mesophyll_optics::translucency::basis::Basis;
-use mesophyll_optics::translucency::lights::{self, Rule};
-use source::{Frame, Source};
+use mesophyll_optics::dipole::DipoleForm;
+use mesophyll_optics::translucency::basis::HemisphereBasis;
+use mesophyll_optics::translucency::lights::{self, DirectionRule};
+use source::{DirectionFrame, TranslucencyLeaf};
 use std::path::Path;
 use std::time::Instant;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
-use tissue::Entry;
+use tissue::LightEntry;
 
 /// What the colour of the light that comes through is taken from.
 #[derive(
@@ -59,7 +59,7 @@ use tissue::Entry;
 )]
 #[serde(rename_all = "kebab-case")]
 #[strum(serialize_all = "kebab-case")]
-pub enum Colour {
+pub enum TranslucencyColour {
     /// Directions at one wavelength, colour as measured: under the diffuse light that measured ρt, the picture is the
     /// measured one exactly.
     #[default]
@@ -70,7 +70,7 @@ pub enum Colour {
     ThreeWavelengths,
 }
 
-impl Colour {
+impl TranslucencyColour {
     /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
@@ -104,7 +104,7 @@ pub enum TissueName {
 
 /// Where the tissue's coefficients come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum TissueFrom {
+pub enum TissueSource {
     /// A tissue known by its name.
     Named(TissueName),
     /// Coefficients that the user states.
@@ -118,12 +118,12 @@ pub enum TissueFrom {
     },
 }
 
-impl TissueFrom {
+impl TissueSource {
     /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         match self {
-            TissueFrom::Named(name) => name.into(),
-            TissueFrom::Given { .. } => "given",
+            TissueSource::Named(name) => name.into(),
+            TissueSource::Given { .. } => "given",
         }
     }
 }
@@ -131,7 +131,7 @@ impl TissueFrom {
 /// Over which area a texel's light is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Area {
+pub enum TexelArea {
     /// The facet's own, 1/n_z of the texel's: a slope catches n·ω/n_z a texel, all of the light that falls on it.
     #[default]
     Facet,
@@ -140,7 +140,7 @@ pub enum Area {
     Texel,
 }
 
-impl Area {
+impl TexelArea {
     /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
@@ -151,26 +151,26 @@ impl Area {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// What the colour is taken from.
-    pub colour: Colour,
+    pub colour: TranslucencyColour,
     /// 0 red, 1 green, 2 blue; `None` takes the dominant one. Not for three wavelengths.
     pub channel: Option<usize>,
     /// Where the tissue's coefficients come from.
-    pub tissue: TissueFrom,
+    pub tissue: TissueSource,
     /// How much light enters a texel; `None` takes what belongs to the tissue (`tissue::entry`).
-    pub entry: Option<Entry>,
+    pub entry: Option<LightEntry>,
     /// Over which area a texel's light is counted.
-    pub area: Area,
+    pub area: TexelArea,
     /// The boundary term A; `None` takes what belongs to the entry.
     pub a: Option<f64>,
     /// Form of the dipole whose point response spreads the light.
-    pub form: Form,
+    pub form: DipoleForm,
     /// Number K of thickness levels.
     pub levels: usize,
     /// Light directions over the hemisphere: 128 on a spiral give errors that are 2.4 to 3.7 times smaller than those
     /// of the sources' 128 random ones (`bench translucency`).
-    pub lights: Rule,
+    pub lights: DirectionRule,
     /// Directional basis that the maps' coefficients belong to.
-    pub basis: Basis,
+    pub basis: HemisphereBasis,
     /// One light instead of a basis: elevation over the blade and azimuth (rad) in the lit side's frame.
     pub sun: Option<[f64; 2]>,
     /// Fit again although the folder holds this very fit.
@@ -180,16 +180,16 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Options {
-            colour: Colour::Substituted,
+            colour: TranslucencyColour::Substituted,
             channel: None,
-            tissue: TissueFrom::Named(TissueName::Fit),
+            tissue: TissueSource::Named(TissueName::Fit),
             entry: None,
-            area: Area::Facet,
+            area: TexelArea::Facet,
             a: None,
-            form: Form::Thin,
+            form: DipoleForm::Thin,
             levels: 8,
-            lights: Rule::Spiral { count: lights::PAPER },
-            basis: Basis::HalfLife2,
+            lights: DirectionRule::Spiral { count: lights::PAPER },
+            basis: HemisphereBasis::HalfLife2,
             sun: None,
             force: false,
         }
@@ -203,7 +203,7 @@ impl Options {
 }
 
 /// Hash of everything that decides the result.
-pub fn input_hash(source: &Source, options: &Options) -> String {
+pub fn input_hash(source: &TranslucencyLeaf, options: &Options) -> String {
     maker::input_hash([("leaf", source.hash.as_str()), ("options", &options.describe())])
 }
 
@@ -212,13 +212,14 @@ pub fn input_hash(source: &Source, options: &Options) -> String {
 /// # Errors
 /// An input that is no leaf fit or is damaged (exit code 2), a slab that the leaf fit did not determine (1), a folder
 /// that cannot be written (2).
-pub fn run(input: &Path, out: &Path, options: &Options) -> Result<Outcome> {
+pub fn run(input: &Path, out: &Path, options: &Options) -> Result<FitOutcome> {
     let (leaf, options) = (input.to_path_buf(), options.clone());
     maker::make(FitKind::Translucency, out, &[input], move |maker| fit(&leaf, &options, maker))
 }
 
-fn fit(leaf: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
-    let source = maker.phase("read the leaf and integrate its heights", || Source::read(leaf, Frame::Mesh))?;
+fn fit(leaf: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutcome> {
+    let source = maker
+        .phase("read the leaf and integrate its heights", || TranslucencyLeaf::read(leaf, DirectionFrame::Mesh))?;
     if let Some(found) = maker.up_to_date(input_hash(&source, options), options.force)? {
         return Ok(found);
     }
@@ -238,20 +239,20 @@ fn fit(leaf: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
     let out = maker.begin()?;
     maker.take_parts()?;
     for side in &source.sides {
-        record.files.insert(File::Maps.name(side.name), hash::file(&File::Maps.path(out, side.name))?);
+        record.files.insert(LeafFitFile::Maps.name(side.name), hash::file(&LeafFitFile::Maps.path(out, side.name))?);
     }
     maker.finish(&record)?;
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }
 
 /// The channels to compute: 0 red, 1 green, 2 blue.
 ///
 /// # Errors
 /// [`Error::Usage`] for three wavelengths and a channel besides.
-fn channels(source: &Source, options: &Options) -> Result<Vec<usize>> {
+fn channels(source: &TranslucencyLeaf, options: &Options) -> Result<Vec<usize>> {
     match (options.colour, options.channel) {
-        (Colour::ThreeWavelengths, None) => Ok(vec![0, 1, 2]),
-        (Colour::ThreeWavelengths, Some(_)) => {
+        (TranslucencyColour::ThreeWavelengths, None) => Ok(vec![0, 1, 2]),
+        (TranslucencyColour::ThreeWavelengths, Some(_)) => {
             Err(Error::Usage("three wavelengths need no channel: every channel is computed".into()))
         }
         (_, Some(c)) => Ok(vec![c]),

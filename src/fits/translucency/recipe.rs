@@ -1,11 +1,11 @@
 //! How translucency maps were made, as the options and parameters in `fit.toml` state it. Only this module writes and
 //! reads these.
 
-use super::tissue::{self, Entry};
-use super::{Area, Colour, Options};
+use super::tissue::{self, LightEntry};
+use super::{Options, TexelArea, TranslucencyColour};
 use crate::record::FitRecord;
 use crate::translucency::{Error, Result};
-use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::dipole::{DipoleForm, Tissue};
 use mesophyll_optics::side::Side;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,32 +14,32 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// What the light of one map depends on, besides the leaf and its tissue.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Recipe {
+pub struct TranslucencyRecipe {
     /// What the colour is taken from.
-    pub colour: Colour,
+    pub colour: TranslucencyColour,
     /// How much light enters a texel.
-    pub entry: Entry,
+    pub entry: LightEntry,
     /// Over which area a texel's light is counted.
-    pub area: Area,
+    pub area: TexelArea,
     /// Form of the dipole whose point response spreads the light.
-    pub form: Form,
+    pub form: DipoleForm,
     /// 0 red, 1 green, 2 blue.
     pub channels: Vec<usize>,
 }
 
-impl Recipe {
+impl TranslucencyRecipe {
     /// The part of a fit's options that decides how one map is lit, for these channels (0 red, 1 green, 2 blue).
-    pub fn of(options: &Options, channels: &[usize]) -> Recipe {
+    pub fn of(options: &Options, channels: &[usize]) -> TranslucencyRecipe {
         let Options { colour, area, form, .. } = *options;
-        Recipe { colour, entry: tissue::entry(options), area, form, channels: channels.to_vec() }
+        TranslucencyRecipe { colour, entry: tissue::entry(options), area, form, channels: channels.to_vec() }
     }
 
     /// Writes the recipe into a record's options.
     pub fn write(&self, options: &mut BTreeMap<String, String>) {
         let form = match self.form {
-            Form::Thin => "thin".into(),
-            Form::Images => "images".into(),
-            Form::Dipoles(n) => format!("dipoles {n}"),
+            DipoleForm::Thin => "thin".into(),
+            DipoleForm::Images => "images".into(),
+            DipoleForm::Dipoles(n) => format!("dipoles {n}"),
         };
         let channels = self.channels.iter().map(|c| RGB[*c]).collect::<Vec<_>>().join(" ");
         for (name, text) in [
@@ -57,7 +57,7 @@ impl Recipe {
     ///
     /// # Errors
     /// [`Error::Input`] for an option that is missing or has an unknown name.
-    pub fn read(record: &FitRecord, folder: &Path) -> Result<Option<Recipe>> {
+    pub fn read(record: &FitRecord, folder: &Path) -> Result<Option<TranslucencyRecipe>> {
         let said = |name: &str| record.options.get(name).map(String::as_str);
         let bad = |name: &str, expected: &str| {
             let found = said(name).unwrap_or("nothing");
@@ -66,14 +66,14 @@ impl Recipe {
         };
         let Some(colour) = said("colour") else { return Ok(None) };
         let form = said("form").and_then(|name| match name {
-            "thin" => Some(Form::Thin),
-            "images" => Some(Form::Images),
-            _ => name.strip_prefix("dipoles")?.trim().parse().ok().map(Form::Dipoles),
+            "thin" => Some(DipoleForm::Thin),
+            "images" => Some(DipoleForm::Images),
+            _ => name.strip_prefix("dipoles")?.trim().parse().ok().map(DipoleForm::Dipoles),
         });
         let letters = said("channel").unwrap_or_default().split_whitespace();
         let channels: Option<Vec<usize>> = letters.map(|l| RGB.iter().position(|c| *c == l)).collect();
         let parsed = |name: &str| said(name).unwrap_or_default();
-        Ok(Some(Recipe {
+        Ok(Some(TranslucencyRecipe {
             colour: colour.parse().map_err(|_| bad("colour", "substituted, product or three-wavelengths"))?,
             entry: parsed("entry").parse().map_err(|_| bad("entry", "matched or albedo"))?,
             area: parsed("area").parse().map_err(|_| bad("area", "facet or texel"))?,
@@ -85,7 +85,7 @@ impl Recipe {
     /// Whether a record's maps were made with the colour and the entry that are asked for, as far as the record says.
     pub fn agrees(record: &FitRecord, asked: &Options) -> bool {
         let mut wanted = BTreeMap::new();
-        Recipe::of(asked, &[]).write(&mut wanted);
+        TranslucencyRecipe::of(asked, &[]).write(&mut wanted);
         ["colour", "entry"].iter().all(|name| record.options.get(*name).is_none_or(|said| *said == wanted[*name]))
     }
 }

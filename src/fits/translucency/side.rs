@@ -1,20 +1,20 @@
 //! One lit side: its irradiance is projected onto the basis, sent through the tissue, normalised and judged.
 
-use super::source::{SideMaps, Source};
-use super::tissue::{self, Entry};
-use super::{Area, Colour, Options, TissueFrom, TissueName, colour, judge};
-use crate::record::Times;
+use super::source::{TranslucencyLeaf, TranslucencySideMaps};
+use super::tissue::{self, LightEntry};
+use super::{Options, TexelArea, TissueName, TissueSource, TranslucencyColour, colour, judge};
+use crate::record::FitTimes;
 use crate::translucency::{Error, Result};
-use mesophyll_files::progress::Bar;
+use mesophyll_files::progress::TaskProgress;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::Side;
-use mesophyll_optics::translucency::basis::{Projector, Weights};
-use mesophyll_optics::translucency::blade::{LitSide, Surface};
-use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
+use mesophyll_optics::translucency::basis::{Projector, SampleWeights};
+use mesophyll_optics::translucency::blade::{LitSide, SurfaceMaps};
+use mesophyll_optics::translucency::convolution::{ConvolutionSettings, Convolver, TotalsSource};
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{self, Visibility};
-use mesophyll_optics::translucency::levels::Levels;
-use mesophyll_optics::translucency::lights::{Lights, Rule};
+use mesophyll_optics::translucency::levels::ThicknessLevels;
+use mesophyll_optics::translucency::lights::{DirectionRule, DirectionSet};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ use std::time::Instant;
 
 /// The result of one lit side; images are in the columns of its camera.
 #[derive(Debug, Clone)]
-pub struct Made {
+pub struct TranslucencySide {
     /// The side that the light enters.
     pub side: Side,
     /// Texels on the leaf, row by row.
@@ -51,16 +51,16 @@ const STEEPEST: f64 = 5.0;
 
 /// The lit side in the form that light transport takes, in channel `c`: what enters a texel for each unit of n·ω.
 /// `fit.toml` states `entry` and `area`.
-pub fn surface(side: &SideMaps, c: usize, entry: Entry, area: Area) -> Surface {
+pub fn surface(side: &TranslucencySideMaps, c: usize, entry: LightEntry, area: TexelArea) -> SurfaceMaps {
     let entry = |k: usize| match entry {
-        Entry::Matched => 1.0,
-        Entry::Albedo => (1.0 - f64::from(side.rho_d[c][k])).clamp(0.0, 1.0),
+        LightEntry::Matched => 1.0,
+        LightEntry::Albedo => (1.0 - f64::from(side.rho_d[c][k])).clamp(0.0, 1.0),
     };
     let area = |k: usize| match area {
-        Area::Facet => (1.0 / side.normal[k][2]).min(STEEPEST),
-        Area::Texel => 1.0,
+        TexelArea::Facet => (1.0 / side.normal[k][2]).min(STEEPEST),
+        TexelArea::Texel => 1.0,
     };
-    Surface {
+    SurfaceMaps {
         height: side.height.clone(),
         normal: side.normal.clone(),
         entry: (0..side.mask.len()).map(|k| entry(k) * area(k)).collect(),
@@ -68,7 +68,7 @@ pub fn surface(side: &SideMaps, c: usize, entry: Entry, area: Area) -> Surface {
 }
 
 /// The lit side, with its surface.
-pub fn lit<'a>(source: &Source, side: &'a SideMaps, surface: &'a Surface) -> LitSide<'a> {
+pub fn lit<'a>(source: &TranslucencyLeaf, side: &'a TranslucencySideMaps, surface: &'a SurfaceMaps) -> LitSide<'a> {
     LitSide {
         side: if side.name == Side::Front { Side::Front } else { Side::Back },
         width: source.width,
@@ -84,20 +84,29 @@ pub fn lit<'a>(source: &Source, side: &'a SideMaps, surface: &'a Surface) -> Lit
 ///
 /// # Errors
 /// [`Error::Missed`] for a tissue or a thickness that no kernel can be made of.
-pub fn convolver(source: &Source, side: &SideMaps, tissue: &Tissue, options: &Options) -> Result<Convolver> {
+pub fn convolver(
+    source: &TranslucencyLeaf,
+    side: &TranslucencySideMaps,
+    tissue: &Tissue,
+    options: &Options,
+) -> Result<Convolver> {
     let range = side
         .thickness
         .iter()
         .zip(&side.mask)
         .filter(|(_, m)| **m)
         .fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], (d, _)| [a.min(*d), b.max(*d)]);
-    let settings = Settings {
+    let settings = ConvolutionSettings {
         form: options.form,
-        levels: Levels { count: options.levels, ..Levels::default() },
+        levels: ThicknessLevels { count: options.levels, ..ThicknessLevels::default() },
         // LEAFMOD's coefficients belong to the transport equation. With its totals a flat uniform leaf lets through
         // what the slab says.
-        totals: if options.tissue == TissueFrom::Named(TissueName::Fit) { Totals::Transport } else { Totals::Form },
-        ..Settings::new(*tissue, source.texel_mm)
+        totals: if options.tissue == TissueSource::Named(TissueName::Fit) {
+            TotalsSource::Transport
+        } else {
+            TotalsSource::Form
+        },
+        ..ConvolutionSettings::new(*tissue, source.texel_mm)
     };
     Convolver::with(&settings, source.width, source.height, range[0], range[1])
         .map_err(|e| Error::Missed(format!("{} {}: {e}", source.name, side.name.name())))
@@ -109,27 +118,27 @@ pub fn convolver(source: &Source, side: &SideMaps, tissue: &Tissue, options: &Op
 /// [`Error::Missed`] for a slab that the leaf fit did not determine, or that no kernel can be made of; [`Error::Usage`]
 /// for lights that do not determine the basis.
 pub fn make(
-    source: &Source,
-    side: &SideMaps,
+    source: &TranslucencyLeaf,
+    side: &TranslucencySideMaps,
     channels: &[usize],
     options: &Options,
-    times: &mut Times,
-) -> Result<Made> {
+    times: &mut FitTimes,
+) -> Result<TranslucencySide> {
     let name = side.name.name();
-    let _bar = Bar::of(format!("light through the {name}"));
+    let _bar = TaskProgress::of(format!("light through the {name}"));
     let mut phase = |what: &str, since: Instant| times.phase(&format!("{name}: {what}"), since);
     let step = Instant::now();
     let first = surface(side, channels[0], tissue::entry(options), options.area);
     let horizon = Horizon::new(&lit(source, side, &first));
     phase("horizon map", step);
 
-    let lights = Lights::new(options.lights);
-    let mut projector = Projector::new(options.basis, &lights, Weights::Gram).map_err(Error::Usage)?;
+    let lights = DirectionSet::new(options.lights);
+    let mut projector = Projector::new(options.basis, &lights, SampleWeights::Gram).map_err(Error::Usage)?;
     // The last image is that of light from everywhere, which the measured colour is divided by. Its weights are scaled
     // so that exactly these directions give a flat leaf the value π.
     let cosines: f64 = lights.directions.iter().zip(&lights.weights).map(|(d, w)| w * d[2]).sum();
     projector.matrix.push(lights.weights.iter().map(|w| w * PI / cosines).collect());
-    let mut made = Made {
+    let mut made = TranslucencySide {
         side: side.name,
         mask: side.mask.clone(),
         channels: channels.to_vec(),
@@ -165,15 +174,15 @@ pub fn make(
         phase("convolution", step);
         let total = images.pop().unwrap_or_default();
         let dark = match options.colour {
-            Colour::Substituted => colour::substitute(&mut images, &total, &flat(options), &side.mask),
-            Colour::Product => colour::level(&mut images, &total, &side.mask),
-            Colour::ThreeWavelengths => 0,
+            TranslucencyColour::Substituted => colour::substitute(&mut images, &total, &flat(options), &side.mask),
+            TranslucencyColour::Product => colour::level(&mut images, &total, &side.mask),
+            TranslucencyColour::ThreeWavelengths => 0,
         };
         made.dark = made.dark.max(dark);
         if options.sun.is_none() {
             let step = Instant::now();
             let letter = ["R", "G", "B"][c];
-            let scale = judge::Scale { colour: options.colour, total: &total, mask: &side.mask };
+            let scale = judge::TranslucencyScale { colour: options.colour, total: &total, mask: &side.mask };
             for (figure, value) in judge::against_full(&lit, &horizon, &convolver, options.basis, &images, &scale) {
                 made.figures.insert(format!("{figure}_{letter}"), value);
             }
@@ -190,7 +199,7 @@ fn flat(options: &Options) -> Vec<f64> {
     if let Some([elevation, _]) = options.sun {
         return vec![elevation.sin()];
     }
-    let lights = Lights::new(Rule::Product { levels: 16, azimuths: 16 });
+    let lights = DirectionSet::new(DirectionRule::Product { levels: 16, azimuths: 16 });
     let samples: Vec<f64> = lights.directions.par_iter().map(|d| d[2]).collect();
-    Projector::new(options.basis, &lights, Weights::Gram).map(|p| p.project(&samples)).unwrap_or_default()
+    Projector::new(options.basis, &lights, SampleWeights::Gram).map(|p| p.project(&samples)).unwrap_or_default()
 }

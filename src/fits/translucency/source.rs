@@ -3,8 +3,8 @@
 //! Lengths in mm, σ in 1/mm. Texels without a measurement take the values of their nearest good neighbour, so that no
 //! light is lost at a hole in the data. Texels beside the leaf are empty.
 
-use crate::leaf_folder::{File, LeafFit, fill, pack};
-use crate::record::Section;
+use crate::leaf_folder::{LeafFit, LeafFitFile, filling, packing};
+use crate::record::RecordSection;
 use crate::translucency::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_files::quantity::Quantity;
@@ -14,7 +14,7 @@ use std::path::Path;
 
 /// One side's maps, as its own camera saw it, row-major.
 #[derive(Debug, Clone)]
-pub struct SideMaps {
+pub struct TranslucencySideMaps {
     /// Which side it is.
     pub name: Side,
     /// Diffuse reflectance, 0 to 1, a channel each.
@@ -47,7 +47,7 @@ const THICKNESS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e3;
 
 /// The frame in which directions are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Frame {
+pub enum DirectionFrame {
     /// The mesh's tangent frame, texel by texel, for a renderer that bends the blade itself.
     Mesh,
     /// The frame of the photographs: the blade as it lay, with its own bend.
@@ -56,7 +56,7 @@ pub enum Frame {
 
 /// A leaf whose inside is to be computed.
 #[derive(Debug, Clone)]
-pub struct Source {
+pub struct TranslucencyLeaf {
     /// The leaf's name, as its fit states it.
     pub name: String,
     /// Columns of every map.
@@ -68,18 +68,18 @@ pub struct Source {
     /// Mean thickness h (mm).
     pub thickness_mm: f64,
     /// The sides that were fitted: the front, or both.
-    pub sides: Vec<SideMaps>,
+    pub sides: Vec<TranslucencySideMaps>,
     /// Content hash of what was read.
     pub hash: String,
 }
 
-impl Source {
+impl TranslucencyLeaf {
     /// Reads a folder of `fit leaf`.
     ///
     /// # Errors
     /// [`Error::Input`] for a folder that holds no leaf fit, a map that is missing, damaged or of another size, or a
     /// field that is missing.
-    pub fn read(folder: &Path, frame: Frame) -> Result<Source> {
+    pub fn read(folder: &Path, frame: DirectionFrame) -> Result<TranslucencyLeaf> {
         let leaf = LeafFit::open(folder)?;
         if leaf.is_stated() {
             let what = "is stated, not fitted: a picture says nothing of σa and σs, through which light spreads in a \
@@ -100,28 +100,28 @@ impl Source {
         };
         leaf.record.verify(folder)?;
         let hash = hash::file(&leaf.record_path())?;
-        Ok(Source { name: leaf.name, width, height, texel_mm, thickness_mm, sides, hash })
+        Ok(TranslucencyLeaf { name: leaf.name, width, height, texel_mm, thickness_mm, sides, hash })
     }
 
     /// The maps of one side, where that side was fitted.
-    pub fn side(&self, name: Side) -> Option<&SideMaps> {
+    pub fn side(&self, name: Side) -> Option<&TranslucencySideMaps> {
         self.sides.iter().find(|s| s.name == name)
     }
 }
 
 /// Standard error of a channel. An error that is not stated counts as 0.
-fn error(section: &Section, name: &str, c: usize) -> f64 {
+fn error(section: &RecordSection, name: &str, c: usize) -> f64 {
     section.params.get(name).and_then(|p| p.stderr.get(c).copied()).filter(|e| !e.is_nan()).unwrap_or(0.0)
 }
 
 fn side(
     leaf: &LeafFit,
     name: Side,
-    frame: Frame,
+    frame: DirectionFrame,
     texel_mm: f64,
     size: &mut Option<(usize, usize)>,
-) -> Result<SideMaps> {
-    let path = leaf.path(File::Maps, name);
+) -> Result<TranslucencySideMaps> {
+    let path = leaf.path(LeafFitFile::Maps, name);
     let maps = leaf.maps(name)?;
     let (width, height) = *size.get_or_insert((maps.width, maps.height));
     maps.require_size(&path, width, height)?;
@@ -133,18 +133,18 @@ fn side(
     }
     let rgb = |quantity| -> Result<[Vec<f32>; 3]> {
         let mut planes = maps.require_three(&path, quantity)?.map(<[f32]>::to_vec);
-        fill::nearest(&mut planes, &good, width, height);
+        filling::nearest(&mut planes, &good, width, height);
         Ok(planes)
     };
     let seen = match frame {
-        Frame::Mesh => pack::blade_normals(leaf, name, maps)?,
-        Frame::Photograph => pack::normals(&path, maps)?,
+        DirectionFrame::Mesh => packing::blade_normals(leaf, name, maps)?,
+        DirectionFrame::Photograph => packing::normals(&path, maps)?,
     };
     let mut normal = [seen.into_iter().map(|n| unit(n.map(f64::from))).collect::<Vec<[f64; 3]>>()];
-    fill::nearest(&mut normal, &good, width, height);
+    filling::nearest(&mut normal, &good, width, height);
     let [normal] = normal;
     let mut thickness = [maps.require_scalar(&path, Quantity::Thickness)?.to_vec()];
-    fill::nearest(&mut thickness, &good, width, height);
+    filling::nearest(&mut thickness, &good, width, height);
     let thickness: Vec<f64> =
         thickness[0].iter().zip(&mask).map(|(v, m)| if *m { f64::from(*v) } else { 0.0 }).collect();
     if let Some(k) = (0..thickness.len()).find(|&k| mask[k] && !(THICKNESS_MM.contains(&thickness[k]))) {
@@ -158,7 +158,7 @@ fn side(
     }
     let section = leaf.section(name)?;
     let relief = relief::integrate(&normal, &mask, width, height, texel_mm);
-    Ok(SideMaps {
+    Ok(TranslucencySideMaps {
         name,
         rho_d: rgb(Quantity::RhoD)?,
         rho_t: rgb(Quantity::RhoT)?,

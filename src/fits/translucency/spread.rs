@@ -18,7 +18,7 @@ pub const FAINT: f64 = 0.01;
 
 /// Errors at one elevation, of texels that get at least [`FAINT`] of the mean at that elevation.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
+pub struct TranslucencySpread {
     /// Elevation of the light over the blade (rad).
     pub elevation: f64,
     /// Mean of |f_rec/f − 1|, f_rec being the reconstruction.
@@ -46,9 +46,9 @@ pub struct Spread {
     pub faint: f64,
 }
 
-impl Spread {
+impl TranslucencySpread {
     /// From pairs of reconstruction and truth, which are read three times; NaN where there are none.
-    pub fn of(elevation: f64, step: f64, pairs: impl Iterator<Item = [f64; 2]> + Clone) -> Spread {
+    pub fn of(elevation: f64, step: f64, pairs: impl Iterator<Item = [f64; 2]> + Clone) -> TranslucencySpread {
         let (all, sum) = pairs.clone().fold((0.0, 0.0), |(n, sum), [_, f]| (n + 1.0, sum + f));
         let level = sum / all;
         let visible = (pairs.clone().map(|[rec, f]| (rec - f).powi(2)).sum::<f64>() / all).sqrt() / level;
@@ -76,7 +76,7 @@ impl Spread {
                 .copied()
                 .unwrap_or(f64::NAN)
         };
-        Spread {
+        TranslucencySpread {
             elevation,
             mean: errors.iter().sum::<f64>() / n,
             bias,
@@ -106,13 +106,13 @@ mod tests {
     #[test]
     fn every_texel_is_counted_once() {
         let pairs = [[0.4, 1.0], [0.99, 1.0], [1.0, 1.0], [2.0, 2.0], [1.35, 1.0], [3.0, 1e-3]];
-        let s = Spread::of(1.0, 0.01, pairs.into_iter());
+        let s = TranslucencySpread::of(1.0, 0.01, pairs.into_iter());
         assert_eq!((s.beyond, s.histogram[BINS / 2], s.histogram[BINS / 2 - 1]), ([0.2, 0.2], 0.4, 0.2));
         assert!((s.histogram.iter().chain(&s.beyond).sum::<f64>() - 1.0).abs() < 1e-12);
         assert!((s.faint - 1.0 / 6.0).abs() < 1e-12 && (s.reach() - 0.205).abs() < 1e-12);
         assert!((s.mean - 0.192).abs() < 1e-12 && (s.bias + 0.052).abs() < 1e-12, "{} {}", s.mean, s.bias);
         assert!((s.median - 0.01).abs() < 1e-9 && (s.worst - 0.6).abs() < 1e-12);
-        let none = Spread::of(1.0, 0.01, std::iter::empty());
+        let none = TranslucencySpread::of(1.0, 0.01, std::iter::empty());
         assert!(none.mean.is_nan() && none.median.is_nan() && none.visible.is_nan());
     }
 }

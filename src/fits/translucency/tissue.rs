@@ -6,8 +6,8 @@
 //! reflectance ρd is the surface's: the share 1 − ρd enters (H9 Eq. 3.9, 3.13), and A = (1 + ρd)/(1 − ρd) of its mean
 //! (H9 Eq. 3.4) describes the reflection back inside.
 
-use super::source::SideMaps;
-use super::{Options, TissueFrom, TissueName};
+use super::source::TranslucencySideMaps;
+use super::{Options, TissueName, TissueSource};
 use crate::translucency::{Error, Result};
 use mesophyll_optics::dipole::Tissue;
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
@@ -18,14 +18,14 @@ pub const TABLE: [f64; 3] = [0.4, 10.2, 0.07];
 /// How much light enters a texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Entry {
+pub enum LightEntry {
     /// All of it.
     Matched,
     /// 1 − ρd of the texel.
     Albedo,
 }
 
-impl Entry {
+impl LightEntry {
     /// Its name on the command line and in `fit.toml`.
     pub fn name(self) -> &'static str {
         self.into()
@@ -33,10 +33,10 @@ impl Entry {
 }
 
 /// How light enters, where the options leave it open.
-pub fn entry(options: &Options) -> Entry {
+pub fn entry(options: &Options) -> LightEntry {
     options.entry.unwrap_or(match options.tissue {
-        TissueFrom::Named(TissueName::Fit) => Entry::Matched,
-        TissueFrom::Named(TissueName::Table) | TissueFrom::Given { .. } => Entry::Albedo,
+        TissueSource::Named(TissueName::Fit) => LightEntry::Matched,
+        TissueSource::Named(TissueName::Table) | TissueSource::Given { .. } => LightEntry::Albedo,
     })
 }
 
@@ -44,9 +44,9 @@ pub fn entry(options: &Options) -> Entry {
 ///
 /// # Errors
 /// [`Error::Missed`] when the leaf fit knows nothing of the slab in this channel and no other tissue was asked for.
-pub fn of(side: &SideMaps, c: usize, options: &Options) -> Result<Tissue> {
+pub fn of(side: &TranslucencySideMaps, c: usize, options: &Options) -> Result<Tissue> {
     let [sigma_a, sigma_s, g] = match options.tissue {
-        TissueFrom::Named(TissueName::Fit) => {
+        TissueSource::Named(TissueName::Fit) => {
             let letter = ["R", "G", "B"][c];
             for (name, err) in [("sigma_a", side.sigma_err[0][c]), ("sigma_s", side.sigma_err[1][c])] {
                 if err.is_infinite() {
@@ -62,12 +62,12 @@ pub fn of(side: &SideMaps, c: usize, options: &Options) -> Result<Tissue> {
             }
             [side.sigma_a[c], side.sigma_s[c], 0.0]
         }
-        TissueFrom::Named(TissueName::Table) => TABLE,
-        TissueFrom::Given { sigma_a, sigma_s, g } => [sigma_a, sigma_s, g],
+        TissueSource::Named(TissueName::Table) => TABLE,
+        TissueSource::Given { sigma_a, sigma_s, g } => [sigma_a, sigma_s, g],
     };
     let a = options.a.unwrap_or_else(|| match entry(options) {
-        Entry::Matched => 1.0,
-        Entry::Albedo => {
+        LightEntry::Matched => 1.0,
+        LightEntry::Albedo => {
             let rho = mean(&side.rho_d[c], &side.mask).clamp(0.0, 0.99);
             (1.0 + rho) / (1.0 - rho)
         }
@@ -77,7 +77,7 @@ pub fn of(side: &SideMaps, c: usize, options: &Options) -> Result<Tissue> {
 
 /// The channel that lets most light through: green for green leaves, red for red ones (H9 p. 50: one dominant
 /// wavelength).
-pub fn dominant(sides: &[SideMaps]) -> usize {
+pub fn dominant(sides: &[TranslucencySideMaps]) -> usize {
     let level = |c: usize| sides.iter().map(|s| mean(&s.rho_t[c], &s.mask)).sum::<f64>();
     (0..3).fold(0, |best, c| if level(c) > level(best) { c } else { best })
 }

@@ -1,7 +1,7 @@
 //! The kinds of capture, and the one way to open a `capture.toml`.
 
 use crate::{Error, Result};
-use mesophyll_files::whole;
+use mesophyll_files::whole_file;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use strum::IntoEnumIterator;
@@ -20,7 +20,7 @@ use strum::IntoEnumIterator;
     strum::IntoStaticStr,
 )]
 #[strum(serialize_all = "lowercase")]
-pub enum Kind {
+pub enum CaptureKind {
     /// A lit tube that travels over the leaf, and a light box
     Tube,
     /// Photographs under a dome and in front of a back light, and height scans
@@ -31,26 +31,26 @@ pub enum Kind {
     Photo,
 }
 
-impl Kind {
+impl CaptureKind {
     /// What the field `kind` says. A scan under a tube has no such field.
     pub fn field(self) -> Option<&'static str> {
-        (self != Kind::Tube).then(|| self.into())
+        (self != CaptureKind::Tube).then(|| self.into())
     }
 
     fn in_words(self) -> &'static str {
         match self {
-            Kind::Tube => "a scan under a linear light source",
-            Kind::Dome => "photographs under a dome and height scans",
-            Kind::Beams => "photographs of the light that comes through",
-            Kind::Photo => "photographs in open shade and on a light table",
+            CaptureKind::Tube => "a scan under a linear light source",
+            CaptureKind::Dome => "photographs under a dome and height scans",
+            CaptureKind::Beams => "photographs of the light that comes through",
+            CaptureKind::Photo => "photographs in open shade and on a light table",
         }
     }
 
     /// The verb that fits this kind.
     fn way_on(self) -> &'static str {
         match self {
-            Kind::Tube | Kind::Dome | Kind::Photo => "mesophyll fit leaf",
-            Kind::Beams => "mesophyll fit tissue",
+            CaptureKind::Tube | CaptureKind::Dome | CaptureKind::Photo => "mesophyll fit leaf",
+            CaptureKind::Beams => "mesophyll fit tissue",
         }
     }
 
@@ -59,14 +59,14 @@ impl Kind {
     ///
     /// # Errors
     /// [`Error::Input`] when there is no readable `capture.toml`.
-    pub fn of(folder: &Path) -> Result<Option<Kind>> {
+    pub fn of(folder: &Path) -> Result<Option<CaptureKind>> {
         let (_, text) = text(folder)?;
-        Ok(text.parse::<toml::Table>().map_or(Some(Kind::Tube), |table| Kind::in_table(&table)))
+        Ok(text.parse::<toml::Table>().map_or(Some(CaptureKind::Tube), |table| CaptureKind::in_table(&table)))
     }
 
-    fn in_table(table: &toml::Table) -> Option<Kind> {
+    fn in_table(table: &toml::Table) -> Option<CaptureKind> {
         let said = table.get("kind").map(|v| v.as_str().unwrap_or_default());
-        Kind::iter().find(|kind| kind.field() == said)
+        CaptureKind::iter().find(|kind| kind.field() == said)
     }
 }
 
@@ -75,10 +75,10 @@ impl Kind {
 /// # Errors
 /// [`Error::Input`] that names the folder or the field: no capture, a fit, another kind of capture, a field that is
 /// missing, unknown or of another type.
-pub fn read<T: DeserializeOwned>(folder: &Path, expected: Kind) -> Result<(PathBuf, T)> {
+pub fn read<T: DeserializeOwned>(folder: &Path, expected: CaptureKind) -> Result<(PathBuf, T)> {
     let (path, text) = text(folder)?;
     if let Ok(table) = text.parse::<toml::Table>()
-        && Kind::in_table(&table) != Some(expected)
+        && CaptureKind::in_table(&table) != Some(expected)
     {
         return Err(Error::field(&path, "kind", other_kind(&table, expected)));
     }
@@ -95,24 +95,24 @@ fn text(folder: &Path) -> Result<(PathBuf, String)> {
     if !path.exists() && folder.join("fit.toml").is_file() {
         return Err(Error::input(folder, "found a fit (fit.toml), expected a capture (capture.toml)"));
     }
-    let text = whole::text(&path)?;
+    let text = whole_file::text(&path)?;
     Ok((path, text))
 }
 
 /// What was found and what was expected where they differ, and which verb takes what was found.
-fn other_kind(table: &toml::Table, expected: Kind) -> String {
-    let kind = Kind::in_table(table);
+fn other_kind(table: &toml::Table, expected: CaptureKind) -> String {
+    let kind = CaptureKind::in_table(table);
     let found = match (table.get("kind"), kind) {
         (Some(value), Some(kind)) => format!("found {value} ({})", kind.in_words()),
         (Some(value), None) => format!("found {value}"),
-        (None, _) if table.contains_key("tube") => format!("found none: {}", Kind::Tube.in_words()),
+        (None, _) if table.contains_key("tube") => format!("found none: {}", CaptureKind::Tube.in_words()),
         (None, _) => "missing".into(),
     };
     let wanted = match (expected, kind) {
-        (Kind::Tube, None) => {
+        (CaptureKind::Tube, None) => {
             format!("\"dome\", \"photo\", \"beams\", or no kind for {}", expected.in_words())
         }
-        (Kind::Tube, Some(_)) => format!("{}, which has no kind", expected.in_words()),
+        (CaptureKind::Tube, Some(_)) => format!("{}, which has no kind", expected.in_words()),
         (other, _) => format!("\"{}\" ({})", other.field().unwrap_or_default(), other.in_words()),
     };
     let known = kind.filter(|kind| kind.field().is_some() || table.contains_key("tube"));
@@ -130,15 +130,15 @@ mod tests {
     fn another_kind_is_named_with_its_way_on() {
         let dir = tempfile::tempdir().unwrap();
         let texts = [
-            (Kind::Tube, "[tube]\nheight_mm = 1\n"),
-            (Kind::Dome, "kind = \"dome\"\n"),
-            (Kind::Beams, "kind = \"beams\"\n"),
-            (Kind::Photo, "kind = \"photo\"\n"),
+            (CaptureKind::Tube, "[tube]\nheight_mm = 1\n"),
+            (CaptureKind::Dome, "kind = \"dome\"\n"),
+            (CaptureKind::Beams, "kind = \"beams\"\n"),
+            (CaptureKind::Photo, "kind = \"photo\"\n"),
         ];
         for (found, text) in texts {
             std::fs::write(dir.path().join("capture.toml"), text).unwrap();
-            assert_eq!(Kind::of(dir.path()).unwrap(), Some(found));
-            for expected in Kind::iter() {
+            assert_eq!(CaptureKind::of(dir.path()).unwrap(), Some(found));
+            for expected in CaptureKind::iter() {
                 let outcome = read::<toml::Table>(dir.path(), expected);
                 if found == expected {
                     outcome.unwrap();
@@ -150,7 +150,7 @@ mod tests {
             }
         }
         std::fs::write(dir.path().join("capture.toml"), "kind = \"dom\"\n").unwrap();
-        let said = read::<toml::Table>(dir.path(), Kind::Dome).unwrap_err().to_string();
+        let said = read::<toml::Table>(dir.path(), CaptureKind::Dome).unwrap_err().to_string();
         assert!(said.contains("found \"dom\", expected \"dome\""), "{said}");
     }
 
@@ -158,7 +158,7 @@ mod tests {
     fn a_fit_is_not_a_capture_of_any_kind() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("fit.toml"), "").unwrap();
-        for kind in Kind::iter() {
+        for kind in CaptureKind::iter() {
             let said = read::<toml::Table>(dir.path(), kind).unwrap_err().to_string();
             assert!(said.contains("found a fit (fit.toml), expected a capture"), "{said}");
             assert!(

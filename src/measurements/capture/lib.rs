@@ -4,20 +4,20 @@
 #![warn(missing_docs)]
 
 pub mod beams;
-pub mod calibrate;
+pub mod calibration;
 pub mod dome;
-pub mod field;
 pub mod goniometer;
 pub mod grid;
-pub mod inspect;
+pub mod inspection;
 pub mod kind;
 pub mod lightbox;
 pub mod manifest;
+pub mod manifest_check;
 pub mod photo;
 pub mod pigments;
 pub mod reader;
 
-pub use inspect::inspect;
+pub use inspection::inspect;
 
 pub(crate) use mesophyll_base::error::{Error, Result};
 

@@ -7,7 +7,7 @@ use super::grid::neighbours;
 
 /// The ratio leaf/box with its standard error, for each texel and channel. NaN where the box reads nothing.
 #[derive(Debug, Clone, Default)]
-pub struct Transmittance {
+pub struct TransmittanceMap {
     /// Transmittance, 0 to 1.
     pub value: Vec<[f32; 3]>,
     /// Its standard error.
@@ -28,9 +28,9 @@ pub fn transmittance(
     floor: f64,
     dark: f64,
     level: Option<&[[f32; 3]]>,
-) -> Transmittance {
+) -> TransmittanceMap {
     let unknown = || vec![[f32::NAN; 3]; leaf.len()];
-    let mut found = Transmittance { value: unknown(), error: unknown(), by_dark: unknown() };
+    let mut found = TransmittanceMap { value: unknown(), error: unknown(), by_dark: unknown() };
     for (k, (l, e)) in leaf.iter().zip(empty).enumerate() {
         let level = level.map_or([0.0; 3], |d| d[k].map(|v| if v > 0.0 { f64::from(v) } else { 0.0 }));
         for c in 0..3 {

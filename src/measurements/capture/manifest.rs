@@ -1,7 +1,7 @@
 //! `capture.toml`: what was scanned and how. Lengths in mm, angles in degrees where the name says so.
 
-use crate::field::Fields;
-use crate::kind::{self, Kind};
+use crate::kind::{self, CaptureKind};
+use crate::manifest_check::ManifestCheck;
 use crate::{Error, Result};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::{Travel, Tube};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// `capture.toml` as written by the owner of a device (format: `data/README.md`). Unknown fields are errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Manifest {
+pub struct TubeManifest {
     /// Version of the format.
     pub schema: u32,
     /// The leaf's name.
@@ -47,7 +47,7 @@ pub struct Manifest {
     pub lightbox: LightBox,
     /// The passes of the tube over the leaf: `x`, or `x` and `y`.
     #[serde(rename = "pass")]
-    pub passes: Vec<Pass>,
+    pub passes: Vec<TubePass>,
 }
 
 /// How the light box was photographed.
@@ -62,7 +62,7 @@ pub struct LightBox {
 /// One pass of the tube: from where to where in how many frames, or the place of every frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Pass {
+pub struct TubePass {
     /// The direction of travel.
     pub name: Travel,
     /// Position of the first frame along the travel (mm).
@@ -79,7 +79,7 @@ pub struct Pass {
     pub positions_mm: Option<Vec<f64>>,
 }
 
-impl Pass {
+impl TubePass {
     /// Tube position of every frame along the direction of travel (mm), both ends included.
     pub fn positions(&self) -> Vec<f64> {
         if let Some(list) = &self.positions_mm {
@@ -93,19 +93,19 @@ impl Pass {
     }
 }
 
-impl Manifest {
+impl TubeManifest {
     /// Reads and validates `CAPTURE/capture.toml`.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
-    pub fn read(folder: &Path) -> Result<Manifest> {
-        let (path, manifest) = kind::read::<Manifest>(folder, Kind::Tube)?;
+    pub fn read(folder: &Path) -> Result<TubeManifest> {
+        let (path, manifest) = kind::read::<TubeManifest>(folder, CaptureKind::Tube)?;
         manifest.validate(&path)?;
         Ok(manifest)
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let fields = Fields { path };
+        let fields = ManifestCheck { path };
         let bad =
             |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
         fields.photographs(self.schema, self.width, self.height, 1..=65_536)?;
@@ -182,7 +182,7 @@ impl Manifest {
     }
 
     /// The pass in this direction, where there is one.
-    pub fn pass(&self, travel: Travel) -> Option<&Pass> {
+    pub fn pass(&self, travel: Travel) -> Option<&TubePass> {
         self.passes.iter().find(|p| p.name == travel)
     }
 

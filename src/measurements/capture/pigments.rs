@@ -1,9 +1,9 @@
 //! The table of specific absorptions and refractive indices that the option `--pigments` names.
 
 use mesophyll_base::error::{Error, Result};
-use mesophyll_files::table::{Record, Table};
+use mesophyll_files::table::{InputTable, TableRecord};
 use mesophyll_optics::foliar::LARGEST_INDEX;
-use mesophyll_optics::foliar::pigments::{Constants, Spectrum};
+use mesophyll_optics::foliar::pigments::{OpticalConstants, OpticalSpectrum};
 use std::path::Path;
 
 /// The columns, whose names end in their units.
@@ -27,14 +27,14 @@ const GAP: f64 = 1.5;
 /// # Errors
 /// A column that is missing or whose name states another unit; a cell that is empty, no number or out of range;
 /// wavelengths that do not ascend; gaps. Each names the file, the line and the column.
-pub fn read(path: &Path) -> Result<Spectrum> {
-    let mut table = Table::open(path)?;
+pub fn read(path: &Path) -> Result<OpticalSpectrum> {
+    let mut table = InputTable::open(path)?;
     let mut places = [0; COLUMNS.len()];
     for (place, name) in places.iter_mut().zip(COLUMNS) {
         *place = column(&table, name)?;
     }
-    let mut points: Vec<(f64, Constants)> = Vec::new();
-    let mut record = Record::default();
+    let mut points: Vec<(f64, OpticalConstants)> = Vec::new();
+    let mut record = TableRecord::default();
     while table.next_record(&mut record)? {
         let line = record.line();
         let at = |name: &str| format!("line {line}, {name}");
@@ -63,7 +63,7 @@ pub fn read(path: &Path) -> Result<Spectrum> {
         }
         points.push((
             wavelength,
-            Constants { specific: [a, b, c, d, e], indices: [n_cuticle, n_mesophyll, n_antidermal] },
+            OpticalConstants { specific: [a, b, c, d, e], indices: [n_cuticle, n_mesophyll, n_antidermal] },
         ));
     }
     if points.is_empty() {
@@ -76,11 +76,11 @@ pub fn read(path: &Path) -> Result<Spectrum> {
         let found = format!("a gap from {} to {} nm", gap[0].0, gap[1].0);
         return Err(Error::unexpected(path, COLUMNS[0], found, format!("steps of {usual} nm")));
     }
-    Ok(Spectrum { points })
+    Ok(OpticalSpectrum { points })
 }
 
 /// The place of a column. If a column has the same quantity in another unit, the error names it.
-fn column(table: &Table, name: &str) -> Result<usize> {
+fn column(table: &InputTable, name: &str) -> Result<usize> {
     let quantity = ["_nm", "_cm2_g", "_per_cm"].iter().find_map(|unit| name.strip_suffix(unit));
     let alike = |h: &&String| quantity.is_some_and(|q| h.starts_with(q)) && table.column(name).is_none();
     if let Some(other) = table.header.iter().find(alike) {
@@ -97,7 +97,7 @@ fn column(table: &Table, name: &str) -> Result<usize> {
 mod tests {
     use super::*;
 
-    fn reading(text: &str) -> Result<Spectrum> {
+    fn reading(text: &str) -> Result<OpticalSpectrum> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("pigments.csv");
         std::fs::write(&path, text).unwrap();

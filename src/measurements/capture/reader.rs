@@ -1,11 +1,11 @@
 //! A capture opened for fitting: before anything long starts, every file that it needs was found and has the right
 //! size.
 
-use crate::calibrate::Gain;
-use crate::manifest::{Manifest, frame_path, mirror_path, white_path};
+use crate::calibration::FrameGain;
+use crate::manifest::{TubeManifest, frame_path, mirror_path, white_path};
 use crate::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
+use mesophyll_files::image::{ChannelMaps, ExrInfo, exr_info, read_exr, read_exr_rows};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
@@ -18,34 +18,34 @@ pub const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// A validated capture. It holds no frames: they are read in bands of rows.
 #[derive(Debug)]
-pub struct Capture {
+pub struct TubeCapture {
     /// The folder that was read.
     pub folder: PathBuf,
     /// The contents of its `capture.toml`.
-    pub manifest: Manifest,
+    pub manifest: TubeManifest,
     /// Dark level a texel and channel (RGB planes), where `dark.exr` exists.
-    dark: Option<Pixels>,
+    dark: Option<FramePixels>,
     /// Gain of each pass's frames, where white frames exist.
-    gains: Vec<(Travel, Gain)>,
+    gains: Vec<(Travel, FrameGain)>,
     /// Median of all gains, computed when it is first asked for.
     median_gain: OnceLock<f64>,
 }
 
 /// Calibrated frames of one pass over a set of texels: `frames[k][n]` is the k-th frame asked for at the n-th texel
 /// asked for.
-pub type Band = Vec<Vec<[f32; 3]>>;
+pub type FrameBand = Vec<Vec<[f32; 3]>>;
 
 /// One RGB triple a texel of the whole image, row-major.
-pub type Pixels = Vec<[f32; 3]>;
+pub type FramePixels = Vec<[f32; 3]>;
 
-impl Capture {
+impl TubeCapture {
     /// Opens `folder`: reads the manifest, checks that every frame exists with the right size and channels, and loads
     /// the references.
     ///
     /// # Errors
     /// [`Error::Input`] naming the first file that is missing, of another size, or unreadable.
-    pub fn open(folder: &Path) -> Result<Capture> {
-        let manifest = Manifest::read(folder)?;
+    pub fn open(folder: &Path) -> Result<TubeCapture> {
+        let manifest = TubeManifest::read(folder)?;
         let wanted: Vec<PathBuf> = manifest
             .sides
             .iter()
@@ -67,7 +67,7 @@ impl Capture {
         let mut gains = Vec::new();
         for pass in &manifest.passes {
             if folder.join("white").join(pass.name.name()).exists() {
-                let gain = Gain::read(folder, &manifest, pass, dark.as_deref())?;
+                let gain = FrameGain::read(folder, &manifest, pass, dark.as_deref())?;
                 gains.push((pass.name, gain));
             } else if folder.join("white").exists() {
                 return Err(Error::input(
@@ -77,7 +77,7 @@ impl Capture {
                 ));
             }
         }
-        Ok(Capture { folder: folder.to_path_buf(), manifest, dark, gains, median_gain: OnceLock::new() })
+        Ok(TubeCapture { folder: folder.to_path_buf(), manifest, dark, gains, median_gain: OnceLock::new() })
     }
 
     /// Content hash of everything that a fit reads. The whole content of the frames is hashed: names, sizes and a
@@ -118,7 +118,7 @@ impl Capture {
         rows: Range<usize>,
         texels: &[[u32; 2]],
         frames: &[usize],
-    ) -> Result<Band> {
+    ) -> Result<FrameBand> {
         if self.manifest.pass(travel).is_none() {
             return Ok(Vec::new());
         }
@@ -151,16 +151,16 @@ impl Capture {
     }
 
     /// Light-box photographs of one side, dark-corrected: (leaf, empty box), interleaved RGB of the whole image.
-    pub fn lightbox(&self, side: Side) -> Result<(Pixels, Pixels)> {
+    pub fn lightbox(&self, side: Side) -> Result<(FramePixels, FramePixels)> {
         Ok((self.dark_corrected(&self.folder.join(side.name()).join("lightbox.exr"))?, self.lightbox_empty()?))
     }
 
     /// The light box without a leaf, dark-corrected.
-    pub fn lightbox_empty(&self) -> Result<Pixels> {
+    pub fn lightbox_empty(&self) -> Result<FramePixels> {
         self.dark_corrected(&self.folder.join("lightbox_empty.exr"))
     }
 
-    fn dark_corrected(&self, path: &Path) -> Result<Pixels> {
+    fn dark_corrected(&self, path: &Path) -> Result<FramePixels> {
         let mut image = interleave(&read_exr_rows(path, Some(&RGB), None)?);
         if let Some(dark) = &self.dark {
             for (v, d) in image.iter_mut().zip(dark) {
@@ -217,7 +217,7 @@ impl Capture {
     }
 
     /// `truth/front.exr` of a synthetic scan.
-    pub fn truth(&self, side: Side) -> Result<Option<Maps>> {
+    pub fn truth(&self, side: Side) -> Result<Option<ChannelMaps>> {
         let path = crate::truth_path(&self.folder, side);
         if !path.exists() {
             return Ok(None);
@@ -228,7 +228,7 @@ impl Capture {
 }
 
 /// A frame must hold R, G and B at the size the manifest states.
-fn check_image(path: &Path, manifest: &Manifest) -> Result<()> {
+fn check_image(path: &Path, manifest: &TubeManifest) -> Result<()> {
     let info = exr_info(path)?;
     check_size(path, &info, manifest)?;
     for name in RGB {
@@ -243,7 +243,7 @@ fn check_image(path: &Path, manifest: &Manifest) -> Result<()> {
     Ok(())
 }
 
-fn check_size(path: &Path, info: &ExrInfo, manifest: &Manifest) -> Result<()> {
+fn check_size(path: &Path, info: &ExrInfo, manifest: &TubeManifest) -> Result<()> {
     if (info.width, info.height) != (manifest.width, manifest.height) {
         return Err(Error::input(
             path,
@@ -257,7 +257,7 @@ fn check_size(path: &Path, info: &ExrInfo, manifest: &Manifest) -> Result<()> {
 }
 
 /// RGB planes → one triple a texel.
-pub fn interleave(maps: &Maps) -> Pixels {
+pub fn interleave(maps: &ChannelMaps) -> FramePixels {
     let [r, g, b] = [0, 1, 2].map(|c: usize| &maps.channels[c].1);
     r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect()
 }

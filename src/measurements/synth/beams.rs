@@ -7,25 +7,25 @@
 //! and all light that reaches the far side leaves. For a patch the leaf is grown wider than the picture, so that light
 //! comes in over its border.
 
-use crate::leaf::{Leaf, Window, texel_size};
+use crate::leaf::{FieldWindow, SyntheticLeaf, texel_size};
 use crate::preview;
 use crate::scan::stop_if_asked;
-use crate::spec::{Model, Spec};
+use crate::spec::{InteriorModel, LeafSpec};
 use crate::{Error, Result};
-use mesophyll_base::random::Stream;
-use mesophyll_capture::beams::manifest::{Beam, Manifest};
-use mesophyll_capture::kind::Kind;
+use mesophyll_base::random::RandomStream;
+use mesophyll_capture::beams::manifest::{BeamPhotograph, BeamsManifest};
+use mesophyll_capture::kind::CaptureKind;
 use mesophyll_files::atomic;
-use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_files::progress::Bar;
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll_files::progress::TaskProgress;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::{Side, mirror};
-use mesophyll_optics::slab::exact::Medium;
-use mesophyll_optics::translucency::blade::{LitSide, Surface};
-use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
+use mesophyll_optics::slab::medium::SlabMedium;
+use mesophyll_optics::translucency::blade::{LitSide, SurfaceMaps};
+use mesophyll_optics::translucency::convolution::{ConvolutionSettings, Convolver, TotalsSource};
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
-use mesophyll_optics::translucency::levels::{LevelKind, Levels};
+use mesophyll_optics::translucency::levels::{LevelKind, ThicknessLevels};
 use mesophyll_optics::translucency::relief;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -41,13 +41,13 @@ pub struct Options {
     /// Width (mm) and centre (mm from the field's centre) of the part that is captured; the whole field when absent.
     pub patch: Option<(f64, [f64; 2])>,
     /// The lights, and the file of each photograph.
-    pub beams: Vec<Beam>,
+    pub beams: Vec<BeamPhotograph>,
     /// Relative noise; 0 writes exact values.
     pub noise: f64,
     /// Seed of the noise.
     pub seed: u64,
     /// Whether σa varies over the leaf.
-    pub model: Model,
+    pub model: InteriorModel,
 }
 
 /// Number of thickness levels, and of levels of ln σa where it varies.
@@ -59,7 +59,7 @@ const AROUND: f64 = 8.0;
 const STEEPEST: f64 = 5.0;
 
 /// One beam along each side's normal, and three slanting ones on the front.
-pub fn usual_beams() -> Vec<Beam> {
+pub fn usual_beams() -> Vec<BeamPhotograph> {
     let beams = [
         (Side::Front, 90.0, 0.0),
         (Side::Front, 50.0, 20.0),
@@ -69,13 +69,18 @@ pub fn usual_beams() -> Vec<Beam> {
     ];
     named(
         beams
-            .map(|(lit, elevation_deg, azimuth_deg)| Beam { file: String::new(), lit, elevation_deg, azimuth_deg })
+            .map(|(lit, elevation_deg, azimuth_deg)| BeamPhotograph {
+                file: String::new(),
+                lit,
+                elevation_deg,
+                azimuth_deg,
+            })
             .to_vec(),
     )
 }
 
 /// Gives the beams their file names, such as `photographs/01_front_90_0.exr`.
-pub fn named(mut beams: Vec<Beam>) -> Vec<Beam> {
+pub fn named(mut beams: Vec<BeamPhotograph>) -> Vec<BeamPhotograph> {
     for (k, b) in beams.iter_mut().enumerate() {
         b.file = format!("photographs/{:02}_{}_{}_{}.exr", k + 1, b.lit.name(), b.elevation_deg, b.azimuth_deg);
     }
@@ -84,32 +89,32 @@ pub fn named(mut beams: Vec<Beam>) -> Vec<Beam> {
 
 /// A leaf that is wider than the picture by `around` texels on every side.
 #[derive(Debug, Clone)]
-pub struct Grown {
+pub struct WideLeaf {
     /// The leaf with all its maps.
-    pub leaf: Leaf,
+    pub leaf: SyntheticLeaf,
     /// Texels beyond the picture's border, on every side.
     pub around: usize,
 }
 
 /// Grows the leaf; `None` where not one texel of the picture lies on it, or where the leaf is not a slab.
-pub fn grow(spec: &Spec, options: &Options) -> Option<Grown> {
+pub fn grow(spec: &LeafSpec, options: &Options) -> Option<WideLeaf> {
     let (w, h) = (options.width, options.height);
     let (window, around) = match options.patch {
         Some((size, centre_mm)) => {
             let texel_mm = size / w as f64;
-            (Window { centre_mm, texel_mm }, (AROUND * spec.thickness_mm / texel_mm).ceil() as usize)
+            (FieldWindow { centre_mm, texel_mm }, (AROUND * spec.thickness_mm / texel_mm).ceil() as usize)
         }
-        None => (Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
+        None => (FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
     };
-    let leaf = Leaf::grow_in(spec, options.model, (w + 2 * around, h + 2 * around), window)?;
-    let grown = Grown { leaf, around };
+    let leaf = SyntheticLeaf::grow_in(spec, options.model, (w + 2 * around, h + 2 * around), window)?;
+    let grown = WideLeaf { leaf, around };
     if grown.leaf.front.sigma_a.is_empty() {
         return None;
     }
     grown.crop(&grown.leaf.mask).contains(&true).then_some(grown)
 }
 
-impl Grown {
+impl WideLeaf {
     /// The picture's part of a map.
     pub fn crop<T: Clone>(&self, map: &[T]) -> Vec<T> {
         let (wide, a) = (self.leaf.width, self.around);
@@ -124,7 +129,7 @@ impl Grown {
     ///
     /// # Errors
     /// A tissue that no kernel can be made of.
-    pub fn shown(&self, beam: &Beam) -> Result<[Vec<f64>; 3]> {
+    pub fn shown(&self, beam: &BeamPhotograph) -> Result<[Vec<f64>; 3]> {
         let leaf = &self.leaf;
         let (side, mask) = (leaf.side(beam.lit), leaf.mask_of(beam.lit));
         let (w, h) = (leaf.width, leaf.height);
@@ -135,7 +140,7 @@ impl Grown {
             side.thickness.iter().zip(&mask).map(|(d, m)| if *m { f64::from(*d) } else { 0.0 }).collect();
         // A slope has more area than its texel, so it receives n·ω/n_z.
         let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
-        let surface = Surface { height, normal, entry };
+        let surface = SurfaceMaps { height, normal, entry };
         let lit = LitSide {
             side: beam.lit,
             width: w,
@@ -170,12 +175,12 @@ pub fn slanting(tissue: &Tissue, d: f64, mu: f64) -> f64 {
     slanting_in(&medium(tissue), tissue, d, mu)
 }
 
-fn medium(tissue: &Tissue) -> Medium {
+fn medium(tissue: &Tissue) -> SlabMedium {
     let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
-    Medium::new(s / (a + s), a / (a + s))
+    SlabMedium::new(s / (a + s), a / (a + s))
 }
 
-fn slanting_in(medium: &Medium, tissue: &Tissue, d: f64, mu: f64) -> f64 {
+fn slanting_in(medium: &SlabMedium, tissue: &Tissue, d: f64, mu: f64) -> f64 {
     if !(d > 0.0 && mu < 1.0) {
         return 1.0;
     }
@@ -236,8 +241,13 @@ fn through(
             if light[k] > 0.0 && thickness[k] > 0.0 { light[k] * weight(sigma_a[k]) * slant(thickness[k]) } else { 0.0 }
         };
         let part: Vec<f64> = (0..light.len()).map(lit).collect();
-        let levels = Levels { count: LEVELS, kind: LevelKind::Chebyshev };
-        let settings = Settings { levels, totals: Totals::Transport, tail: 1e-9, ..Settings::new(tissue, texel_mm) };
+        let levels = ThicknessLevels { count: LEVELS, kind: LevelKind::Chebyshev };
+        let settings = ConvolutionSettings {
+            levels,
+            totals: TotalsSource::Transport,
+            tail: 1e-9,
+            ..ConvolutionSettings::new(tissue, texel_mm)
+        };
         let Some(convolver) = Convolver::for_map(&settings, width, thickness)? else { continue };
         sum.iter_mut().zip(&convolver.run(thickness, &[part])[0]).for_each(|(s, v)| *s += v);
     }
@@ -248,15 +258,15 @@ fn through(
 ///
 /// # Errors
 /// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
-pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> Result<Manifest> {
+pub fn capture(spec: &LeafSpec, grown: &WideLeaf, options: &Options, folder: &Path) -> Result<BeamsManifest> {
     let (w, h) = (options.width, options.height);
     let floor = if options.noise > 0.0 { spec.device.noise_floor } else { 0.0 };
-    let bar = Bar::new("photographing", options.beams.len() as u64);
+    let bar = TaskProgress::new("photographing", options.beams.len() as u64);
     for (k, beam) in options.beams.iter().enumerate() {
         stop_if_asked(folder)?;
         let mut shown = grown.shown(beam)?;
         for (c, channel) in shown.iter_mut().enumerate() {
-            let mut stream = Stream::new(options.seed, &[31, k as u64, c as u64]);
+            let mut stream = RandomStream::new(options.seed, &[31, k as u64, c as u64]);
             if options.noise > 0.0 {
                 for pair in channel.chunks_mut(2) {
                     pair.iter_mut()
@@ -267,7 +277,7 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
         }
         // As the unlit side's camera sees it; off the leaf there are no readings.
         let mask = grown.crop(&grown.leaf.mask_of(beam.lit));
-        let mut maps = Maps::new(w, h);
+        let mut maps = ChannelMaps::new(w, h);
         for (channel, name) in shown.iter().zip(mesophyll_capture::reader::RGB) {
             let seen: Vec<f32> =
                 channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
@@ -278,16 +288,16 @@ pub fn capture(spec: &Spec, grown: &Grown, options: &Options, folder: &Path) -> 
     }
     for side in Side::ALL {
         let all = grown.leaf.truth(side);
-        let mut truth = Maps::new(w, h);
+        let mut truth = ChannelMaps::new(w, h);
         for (channel, values) in &all.channels {
             truth.push(channel, grown.crop(values));
         }
         write_exr(&mesophyll_capture::truth_path(folder, side), &truth, Packing::Zip)?;
         preview::write(folder, &grown.leaf, side)?;
     }
-    let manifest = Manifest {
+    let manifest = BeamsManifest {
         schema: 1,
-        kind: Kind::Beams.field().unwrap_or_default().into(),
+        kind: CaptureKind::Beams.field().unwrap_or_default().into(),
         name: spec.name.clone(),
         width: w,
         height: h,

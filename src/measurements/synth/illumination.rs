@@ -20,7 +20,7 @@ use std::f64::consts::PI;
 
 /// Diffuse and glossy part of a texel's value, which is ρd · diffuse + ρs · gloss.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Shown {
+pub struct TexelShading {
     /// The factor of ρd.
     pub diffuse: f64,
     /// The factor of ρs.
@@ -32,7 +32,7 @@ const NARROW: f64 = 0.12;
 
 /// The device for one direction of travel.
 #[derive(Debug, Clone)]
-pub struct Device {
+pub struct TubeDevice {
     tube: Tube,
     travel: Travel,
     view: [f64; 3],
@@ -56,7 +56,7 @@ struct Ray {
 
 /// The tube seen from one place along the direction of travel.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub struct TubeView {
     rays: [Vec<Ray>; 2],
     /// The direction to the axis: (sinφ₀, cosφ₀), with distance and half width in φ.
     axis: Ray,
@@ -74,9 +74,9 @@ struct Lobed<'a> {
     panel: &'a [(f64, f64)],
 }
 
-impl Device {
+impl TubeDevice {
     /// `camera_deg` is the angle of the view direction (sin, 0, cos) from z.
-    pub fn new(tube: Tube, travel: Travel, camera_deg: f64) -> Device {
+    pub fn new(tube: Tube, travel: Travel, camera_deg: f64) -> TubeDevice {
         let (s, c) = camera_deg.to_radians().sin_cos();
         let across = [7, 13].map(|n| {
             if tube.radius_mm == 0.0 {
@@ -88,11 +88,11 @@ impl Device {
                 .map(|(t, w)| [t.sin(), t.cos(), w * t.cos()])
                 .collect()
         });
-        Device { tube, travel, view: [s, 0.0, c], across, panel: gauss_legendre(10) }
+        TubeDevice { tube, travel, view: [s, 0.0, c], across, panel: gauss_legendre(10) }
     }
 
     /// The tube at `position` (mm) seen from a texel at `at` (mm), both along the direction of travel.
-    pub fn seen(&self, position: f64, at: f64) -> Seen {
+    pub fn seen(&self, position: f64, at: f64) -> TubeView {
         let (height, radius) = (self.tube.height_mm, self.tube.radius_mm);
         let d = (position - at).hypot(height);
         let (sin0, cos0) = ((position - at) / d, height / d);
@@ -107,19 +107,19 @@ impl Device {
             }
         };
         let rays = [0, 1].map(|set| self.across[set].iter().map(ray).collect());
-        Seen { rays, axis: Ray { sin: sin0, cos: cos0, distance: d, weight: 0.0 }, half_width: (radius / d).asin() }
+        TubeView { rays, axis: Ray { sin: sin0, cos: cos0, distance: d, weight: 0.0 }, half_width: (radius / d).asin() }
     }
 
     /// The value of a texel. `along` is its position along the tube (mm), `normal` its unit normal (x, y, z), `m` its
     /// roughness. Without roughness only the diffuse part is computed.
-    pub fn shown(&self, seen: &Seen, along: f64, normal: [f64; 3], m: Option<f64>, lobe: Lobe) -> Shown {
+    pub fn shown(&self, seen: &TubeView, along: f64, normal: [f64; 3], m: Option<f64>, lobe: Lobe) -> TexelShading {
         let (n, v) = (self.travel.local(normal), self.travel.local(self.view));
         let facing = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
         if facing <= 0.0 {
-            return Shown::default();
+            return TexelShading::default();
         }
         let ends = [-0.5 * self.tube.length_mm - along, 0.5 * self.tube.length_mm - along];
-        let mut shown = Shown::default();
+        let mut shown = TexelShading::default();
         for ray in &seen.rays[0] {
             if let Some([a, b]) = lit(ray, n, ends) {
                 shown.diffuse += ray.weight * diffuse(ray, n, a, b);
@@ -157,7 +157,7 @@ fn diffuse(ray: &Ray, n: [f64; 3], a: f64, b: f64) -> f64 {
 
 impl Lobed<'_> {
     /// ∫ f cosθi L dω per unit ρs.
-    fn integral(&self, seen: &Seen, ends: [f64; 2]) -> f64 {
+    fn integral(&self, seen: &TubeView, ends: [f64; 2]) -> f64 {
         let (peak, low, width) = self.peak(&seen.axis);
         // The lobe is cut where it has fallen to e^−50. Turning the direction by the tube's half width turns α by at
         // most half of it.
@@ -235,7 +235,7 @@ impl Lobed<'_> {
 
     /// Trapezoidal rule over the whole bell with the same ψ nodes for all rays; `None` where the tube's ends or the
     /// horizon cut the bell.
-    fn trapezoid(&self, seen: &Seen, rays: &[Ray], ends: [f64; 2], peak: f64, width: f64) -> Option<f64> {
+    fn trapezoid(&self, seen: &TubeView, rays: &[Ray], ends: [f64; 2], peak: f64, width: f64) -> Option<f64> {
         const STEP: f64 = 0.62;
         const REACH: i32 = 9;
         let reach = STEP * f64::from(REACH) * width;

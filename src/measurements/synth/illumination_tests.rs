@@ -1,6 +1,6 @@
 //! Compares the scan's integral with area elements of the cylinder (computed with vectors only) and with closed forms.
 
-use super::illumination::{Device, Shown};
+use super::illumination::{TexelShading, TubeDevice};
 use super::slab_truth::gauss_legendre;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::{Travel, Tube};
@@ -14,7 +14,7 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
 }
 
 /// The same from area elements of the cylinder: ∫ f cosθi Le cosθl dA/r², computed with vectors only.
-fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3], m: f64, lobe: Lobe) -> Shown {
+fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3], m: f64, lobe: Lobe) -> TexelShading {
     let (s, c) = 55f64.to_radians().sin_cos();
     let v = [s, 0.0, c];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -22,7 +22,7 @@ fn by_area(tube: Tube, travel: Travel, position: f64, at: [f64; 2], n: [f64; 3],
     let towards = (position - t).atan2(tube.height_mm);
     let d = (position - t).hypot(tube.height_mm);
     let arc = (tube.radius_mm / d).acos();
-    let mut sum = Shown::default();
+    let mut sum = TexelShading::default();
     let nodes = gauss_legendre(24);
     let pieces = 1500;
     for &(x, w) in &nodes {
@@ -99,7 +99,7 @@ fn it_is_the_integral_over_the_cylinders_surface() {
     ];
     for (travel, position, at, n, m) in cases {
         let n = unit(n);
-        let device = Device::new(TUBE, travel, 55.0);
+        let device = TubeDevice::new(TUBE, travel, 55.0);
         let (t, l) = if travel == Travel::X { (at[0], at[1]) } else { (at[1], at[0]) };
         let index = 1.45;
         for (lobe, limit) in [
@@ -131,7 +131,7 @@ fn it_is_the_integral_over_the_cylinders_surface() {
 #[test]
 fn white_is_one() {
     let white = |tube: Tube, position: f64| {
-        let device = Device::new(tube, Travel::X, 55.0);
+        let device = TubeDevice::new(tube, Travel::X, 55.0);
         device.shown(&device.seen(position, 0.0), 0.0, [0.0, 0.0, 1.0], None, Lobe::Beckmann).diffuse
     };
     assert!((white(Tube { length_mm: 1e9, ..TUBE }, 0.0) - 1.0).abs() < 1e-9);

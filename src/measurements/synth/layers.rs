@@ -4,12 +4,12 @@
 //! R and T depend only on the absorption of one crossing of the mesophyll. So they are tabulated over it for each
 //! channel and interpolated. The error is 1e-6 for absorptions from .02 to 4, and 3e-5 from 0 to [`DEEPEST`].
 
-use super::slab_truth::Axis;
+use super::slab_truth::ChebyshevAxis;
 use crate::{Error, Result};
 use mesophyll_capture::pigments;
-use mesophyll_optics::foliar::exact::{self, Prepared};
-use mesophyll_optics::foliar::pigments::{Constants, Contents};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path};
+use mesophyll_optics::foliar::exact::{self, LeafOperator};
+use mesophyll_optics::foliar::pigments::{LeafContents, OpticalConstants};
+use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ const DEEPEST: f64 = 20.0;
 /// Whether a place that is thicker than others holds more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Per {
+pub enum ContentScaling {
     /// Contents per leaf area do not depend on the thickness of a place.
     #[default]
     Area,
@@ -38,7 +38,7 @@ pub enum Per {
 /// (µg/cm², water g/cm²).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Foliar {
+pub struct FoliarSpec {
     /// Table of specific absorptions and refractive indices; relative to the specification.
     pub pigments: PathBuf,
     /// Wavelengths of red, green and blue (nm).
@@ -46,7 +46,7 @@ pub struct Foliar {
     pub wavelengths_nm: [f64; 3],
     /// Whether thicker places hold more.
     #[serde(default)]
-    pub per: Per,
+    pub per: ContentScaling,
     /// Chlorophyll of the lamina; veins hold less.
     #[serde(default)]
     pub chlorophyll_ug_cm2: f64,
@@ -66,10 +66,10 @@ pub struct Foliar {
     #[serde(default = "oblateness")]
     pub oblateness: [f64; 4],
     /// How long a crossing of the mesophyll is.
-    pub path: Path,
+    pub path: MesophyllPath,
     /// The table at the three wavelengths, once it is read.
     #[serde(skip)]
-    constants: Vec<Constants>,
+    constants: Vec<OpticalConstants>,
 }
 
 fn wavelengths() -> [f64; 3] {
@@ -84,7 +84,7 @@ fn oblateness() -> [f64; 4] {
 /// Absorptions of one crossing at which the exact method must converge for a leaf: clear, green and black.
 const SETTLES_AT: [f64; 3] = [0.01, 0.3, 3.0];
 
-impl Foliar {
+impl FoliarSpec {
     /// Reads the table of pigments, and refuses numbers that are no leaf.
     ///
     /// # Errors
@@ -119,7 +119,7 @@ impl Foliar {
                 return Err(Error::unexpected(spec, "foliar", found, format!("at most {DEEPEST}")));
             }
             let leaf = self.leaf(c);
-            if let Some(fault) = leaf.as_ref().and_then(Leaf::fault) {
+            if let Some(fault) = leaf.as_ref().and_then(LayeredLeaf::fault) {
                 return Err(Error::field(spec, "foliar", fault));
             }
             if leaf.and_then(|leaf| exact::prepared(&leaf, &SETTLES_AT, &lights(1.0))).is_none() {
@@ -142,17 +142,17 @@ impl Foliar {
     }
 
     /// The layers at a channel's wavelength; `None` before [`Foliar::read`].
-    fn leaf(&self, c: usize) -> Option<Leaf> {
+    fn leaf(&self, c: usize) -> Option<LayeredLeaf> {
         let [n_cuticle, n_mesophyll, n_antidermal] = self.constants.get(c)?.indices;
         let [cuticle, epidermis, palisade, spongy] = self.oblateness;
         let oblateness = Oblateness { cuticle, epidermis, palisade, spongy };
-        Some(Leaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path: self.path })
+        Some(LayeredLeaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path: self.path })
     }
 
     /// What a place contains per area and absorbs. `chlorophyll` and `carotenoid` are relative to the lamina's,
     /// `thickness` is relative to the mean.
     pub(super) fn held(&self, chlorophyll: f64, carotenoid: f64, thickness: f64) -> Held {
-        let scale = if self.per == Per::Volume { thickness } else { 1.0 };
+        let scale = if self.per == ContentScaling::Volume { thickness } else { 1.0 };
         let mut per_area = self.per_area().map(|x| x * scale);
         per_area[0] *= chlorophyll;
         per_area[1] *= carotenoid;
@@ -160,7 +160,7 @@ impl Foliar {
         let [chlorophyll, carotenoid] = [0, 1].map(|k| per_area[k] as f32);
         per_area[0] = f64::from(chlorophyll);
         per_area[1] = f64::from(carotenoid);
-        let contents = Contents { per_area, scale: 1.0 };
+        let contents = LeafContents { per_area, scale: 1.0 };
         let depth = [0, 1, 2].map(|c| self.constants.get(c).map_or(0.0, |constants| constants.depth(&contents)));
         Held { chlorophyll, carotenoid, depth }
     }
@@ -168,7 +168,7 @@ impl Foliar {
     /// R and T of a channel for absorptions of one crossing in `range`. `oblique` is the cosine of the light box's
     /// camera. `None` before [`Foliar::read`], and where the method does not converge.
     pub(super) fn table(&self, c: usize, oblique: f64, range: [f64; 2]) -> Option<Table> {
-        let axis = Axis::new(range.map(bent), NODES);
+        let axis = ChebyshevAxis::new(range.map(bent), NODES);
         let depths: Vec<f64> = axis.nodes.iter().map(|t| BEND * t * t / (1.0 - t * t)).collect();
         let lights = lights(oblique);
         let leaf = self.leaf(c)?;
@@ -204,7 +204,7 @@ pub(super) struct Seen {
 }
 
 /// Both sides, front (the upper side) first.
-fn seen(prepared: &Prepared, depth: f64, lights: &[(Side, f64); 4]) -> [Seen; 2] {
+fn seen(prepared: &LeafOperator, depth: f64, lights: &[(Side, f64); 4]) -> [Seen; 2] {
     let solved = prepared.solve(depth);
     let found = lights.map(|(side, at)| solved.response(side, at));
     [0, 1].map(|k| Seen {
@@ -225,7 +225,7 @@ fn bent(depth: f64) -> f64 {
 
 /// Both sides of a channel over the absorption of one crossing.
 pub(super) struct Table {
-    axis: Axis,
+    axis: ChebyshevAxis,
     values: Vec<[Seen; 2]>,
 }
 
@@ -245,13 +245,13 @@ impl Table {
 mod tests {
     use super::*;
 
-    fn stated(path: Path) -> Foliar {
+    fn stated(path: MesophyllPath) -> FoliarSpec {
         let constants = [[1.5, 1.42, 1.41], [1.51, 1.42, 1.41], [1.53, 1.43, 1.42]]
-            .map(|indices| Constants { specific: [3e4, 1e4, 9.0, 4.0, 1e-4], indices });
-        Foliar {
+            .map(|indices| OpticalConstants { specific: [3e4, 1e4, 9.0, 4.0, 1e-4], indices });
+        FoliarSpec {
             pigments: PathBuf::new(),
             wavelengths_nm: wavelengths(),
-            per: Per::Area,
+            per: ContentScaling::Area,
             chlorophyll_ug_cm2: 40.0,
             carotenoid_ug_cm2: 10.0,
             protein_ug_cm2: 0.0,
@@ -267,7 +267,7 @@ mod tests {
     /// accounted for.
     #[test]
     fn the_table_is_the_exact_method() {
-        for path in [Path::Sieve, Path::Slant] {
+        for path in [MesophyllPath::Sieve, MesophyllPath::Slant] {
             let foliar = stated(path);
             let cosine = 40f64.to_radians().cos();
             let usual = (foliar.table(1, cosine, [0.02, 4.0]).unwrap(), 1e-6);
@@ -275,7 +275,7 @@ mod tests {
             let wide = [0.0, 1e-4, 3e-3, 0.017, 0.08, 0.6, 1.7, 5.0, 11.0, DEEPEST].map(|d| (d, &widest));
             let narrow = [0.02, 0.0313, 0.11, 0.37, 0.9, 2.3, 3.7].map(|d| (d, &usual));
             for (depth, (table, tabulated)) in wide.into_iter().chain(narrow) {
-                let leaf = Leaf { depth, ..foliar.leaf(1).unwrap() };
+                let leaf = LayeredLeaf { depth, ..foliar.leaf(1).unwrap() };
                 let lights = [(Side::Front, 0.0), (Side::Back, 0.0), (Side::Back, 40f64.to_radians())];
                 let want = exact::responses(&leaf, &lights).unwrap();
                 let got = table.at(depth);
@@ -294,11 +294,11 @@ mod tests {
 
     #[test]
     fn contents_absorb_by_area_or_by_volume() {
-        let mut foliar = stated(Path::Sieve);
-        let of = |foliar: &Foliar| foliar.held(0.5, 2.0, 3.0);
+        let mut foliar = stated(MesophyllPath::Sieve);
+        let of = |foliar: &FoliarSpec| foliar.held(0.5, 2.0, 3.0);
         // 20 µg/cm² of 3e4 cm²/g and 20 µg/cm² of 1e4 cm²/g
         assert!((of(&foliar).depth[0] - 0.8).abs() < 1e-6);
-        foliar.per = Per::Volume;
+        foliar.per = ContentScaling::Volume;
         let held = of(&foliar);
         assert!((held.depth[0] - 2.4).abs() < 1e-6 && held.chlorophyll == 60.0 && held.carotenoid == 60.0);
     }

@@ -9,7 +9,7 @@
 #![warn(missing_docs)]
 
 pub mod beams;
-mod colonise;
+mod colonisation;
 pub mod dome;
 pub mod illumination;
 #[cfg(test)]

@@ -1,16 +1,16 @@
 //! The blade's contour with its teeth, in mm: base at the left, tip at the right, centred in the field.
 
-use super::spec::{Margin, Outline};
-use mesophyll_base::random::{Stream, noise};
+use super::spec::{MarginSpec, OutlineSpec};
+use mesophyll_base::random::{RandomStream, noise};
 
 /// A closed contour and its coordinate frame.
 #[derive(Debug, Clone)]
-pub struct Blade {
+pub struct BladeContour {
     /// The contour, in either direction; the first point is not repeated at the end.
     contour: Vec<[f64; 2]>,
     /// Where the petiole meets the blade.
     pub base: [f64; 2],
-    outline: Outline,
+    outline: OutlineSpec,
     /// Half widths left and right of the midrib over the angle θ with t = (1 − cosθ)/2, or radii over the angle in
     /// degrees. As a function of θ an elliptic end is smooth.
     curves: [Curve; 2],
@@ -111,14 +111,14 @@ fn theta(t: f64) -> f64 {
     (1.0 - 2.0 * t.clamp(0.0, 1.0)).acos()
 }
 
-impl Blade {
-    pub fn new(outline: &Outline, margin: &Margin, seed: u64) -> Blade {
+impl BladeContour {
+    pub fn new(outline: &OutlineSpec, margin: &MarginSpec, seed: u64) -> BladeContour {
         let curves = if outline.polar.is_empty() {
             [1, 2].map(|side| Curve::through(outline.profile.iter().map(|p| (theta(p[0]), p[side]))))
         } else {
             [Curve::through(outline.polar.iter().map(|p| (p[0], p[1]))), Curve::default()]
         };
-        let mut blade = Blade {
+        let mut blade = BladeContour {
             contour: Vec::new(),
             base: [0.0; 2],
             outline: outline.clone(),
@@ -225,7 +225,7 @@ impl Blade {
 }
 
 /// Moves the points of a smooth contour out and towards the tip, tooth by tooth.
-fn toothed(smooth: &[[f64; 2]], margin: &Margin, base: [f64; 2], seed: u64) -> Vec<[f64; 2]> {
+fn toothed(smooth: &[[f64; 2]], margin: &MarginSpec, base: [f64; 2], seed: u64) -> Vec<[f64; 2]> {
     if margin.tooth_mm <= 0.0 {
         return smooth.to_vec();
     }
@@ -257,7 +257,7 @@ fn toothed(smooth: &[[f64; 2]], margin: &Margin, base: [f64; 2], seed: u64) -> V
             let far = (smooth[k][0] - base[0]).hypot(smooth[k][1] - base[1]) / reach;
             let fade = (far * 5.0).min(1.0) * (0.35 + 0.65 * ((1.0 - from_base / (0.5 * total)) * 4.0).clamp(0.0, 1.0));
             let uneven =
-                1.0 + 0.25 * (Stream::new(seed, &[phase.floor() as i64 as u64, u64::from(k < n / 2)]).signed());
+                1.0 + 0.25 * (RandomStream::new(seed, &[phase.floor() as i64 as u64, u64::from(k < n / 2)]).signed());
             let first = tooth(phase, margin.lean) * margin.depth_mm * uneven;
             let second = if margin.second > 0.0 {
                 tooth(phase * margin.second, margin.lean) * margin.second_depth_mm

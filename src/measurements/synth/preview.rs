@@ -1,7 +1,7 @@
 //! One picture of each side to look at: lit leaf, diffuse reflectance and transmittance; normals, thickness and
 //! roughness. It is only for viewing; the truth is in the EXR files beside it.
 
-use super::leaf::{GrownSide, Leaf};
+use super::leaf::{SyntheticLeaf, SyntheticSide};
 use crate::Result;
 use mesophyll_files::image::{to_srgb8, write_png};
 use mesophyll_optics::side::Side;
@@ -11,7 +11,7 @@ use std::path::Path;
 const TILE: usize = 720;
 
 /// Writes the six maps of a side as tiles of one PNG, beside the truth in the folder of a capture.
-pub fn write(capture: &Path, leaf: &Leaf, side: Side) -> Result<()> {
+pub fn write(capture: &Path, leaf: &SyntheticLeaf, side: Side) -> Result<()> {
     let path = mesophyll_capture::truth_path(capture, side).with_extension("png");
     let mask = leaf.mask_of(side);
     let side = leaf.side(side);
@@ -63,7 +63,7 @@ fn linear(v: f32) -> f32 {
 
 /// Light from a lamp at the upper left and a soft sky, with Beckmann gloss (Wang et al. 2005 Eq. 7), towards a camera
 /// straight above.
-fn lit(side: &GrownSide, k: usize) -> [f32; 3] {
+fn lit(side: &SyntheticSide, k: usize) -> [f32; 3] {
     let n = side.normal[k];
     let lamps: [([f32; 3], f32); 2] = [([-0.42, 0.5, 0.757], 0.9), ([0.12, 0.16, 0.98], 0.12)];
     let mut sum = side.rho_d[k].map(|d| 0.3 * d);

@@ -2,17 +2,17 @@
 //! truth. They are written frame by frame, so that a full-size capture is never held in memory. `capture.toml` comes
 //! last: a folder without it is not yet a capture.
 
-use super::illumination::Device;
-use super::leaf::{GrownSide, Leaf};
+use super::illumination::TubeDevice;
+use super::leaf::{SyntheticLeaf, SyntheticSide};
 use super::preview;
 use super::sensor::{EXPOSURES, Sensor};
-use super::spec::{Model, Spec};
+use super::spec::{InteriorModel, LeafSpec};
 use crate::{Error, Result};
-use mesophyll_base::random::Stream;
-use mesophyll_capture::manifest::{self, LightBox, Manifest, Pass, texel_position};
+use mesophyll_base::random::RandomStream;
+use mesophyll_capture::manifest::{self, LightBox, TubeManifest, TubePass, texel_position};
 use mesophyll_files::atomic;
-use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_files::progress::{Bar, stop_requested};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll_files::progress::{TaskProgress, stop_requested};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
@@ -35,7 +35,7 @@ pub struct Options {
     /// Seed of the noise.
     pub seed: u64,
     /// Whether σa varies over the leaf.
-    pub model: Model,
+    pub model: InteriorModel,
     /// Keeps the three exposures of every frame in addition to the merged one.
     pub raw_exposures: bool,
 }
@@ -50,19 +50,19 @@ const BOX_LEVEL: f64 = 0.9;
 /// # Errors
 /// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C; without `capture.toml` the folder
 /// is no capture.
-pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Result<Manifest> {
+pub fn scan(spec: &LeafSpec, leaf: &SyntheticLeaf, options: &Options, folder: &Path) -> Result<TubeManifest> {
     let manifest = manifest_of(spec, leaf, options);
     let device = &spec.device;
     let sensor = Sensor { relative: options.noise, floor: device.noise_floor, full_scale: device.full_scale };
     let camera = Camera { spec, seed: options.seed };
     let white_size = white_size(leaf.width, leaf.height);
     let frames: usize = manifest.passes.iter().map(|p| p.positions().len()).sum();
-    let bar = Bar::new("scanning", (2 * frames) as u64);
+    let bar = TaskProgress::new("scanning", (2 * frames) as u64);
 
     for side in Side::ALL {
         let view = View::new(leaf, side);
         for (p, pass) in manifest.passes.iter().enumerate() {
-            let tube = Device::new(device.tube, pass.name, device.camera_deg);
+            let tube = TubeDevice::new(device.tube, pass.name, device.camera_deg);
             for (k, &position) in pass.positions().iter().enumerate() {
                 stop_if_asked(folder)?;
                 let image = camera.frame(&view, &tube, pass.name, position);
@@ -75,7 +75,7 @@ pub fn scan(spec: &Spec, leaf: &Leaf, options: &Options, folder: &Path) -> Resul
         }
     }
     references(&manifest, leaf, &camera, sensor.averaging(SHOTS), white_size, folder)?;
-    let mut mask = Maps::new(leaf.width, leaf.height);
+    let mut mask = ChannelMaps::new(leaf.width, leaf.height);
     mask.push("Y", leaf.mask.iter().map(|&m| f32::from(u8::from(m))).collect());
     write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)?;
     for side in Side::ALL {
@@ -98,13 +98,13 @@ pub fn stop_if_asked(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-fn manifest_of(spec: &Spec, leaf: &Leaf, options: &Options) -> Manifest {
+fn manifest_of(spec: &LeafSpec, leaf: &SyntheticLeaf, options: &Options) -> TubeManifest {
     let device = &spec.device;
     let passes = options.passes.iter().map(|&name| {
         let [a, b] = if name == Travel::X { device.travel_x_mm } else { device.travel_y_mm };
-        Pass { name, start_mm: Some(a), end_mm: Some(b), frames: Some(options.frames), positions_mm: None }
+        TubePass { name, start_mm: Some(a), end_mm: Some(b), frames: Some(options.frames), positions_mm: None }
     });
-    Manifest {
+    TubeManifest {
         schema: 1,
         name: spec.name.clone(),
         width: leaf.width,
@@ -131,26 +131,26 @@ fn white_size(width: usize, height: usize) -> (usize, usize) {
 
 /// One side as the scan needs it.
 struct View<'a> {
-    leaf: &'a Leaf,
-    side: &'a GrownSide,
+    leaf: &'a SyntheticLeaf,
+    side: &'a SyntheticSide,
     mask: Vec<bool>,
 }
 
 impl<'a> View<'a> {
-    fn new(leaf: &'a Leaf, side: Side) -> Self {
+    fn new(leaf: &'a SyntheticLeaf, side: Side) -> Self {
         View { leaf, side: leaf.side(side), mask: leaf.mask_of(side) }
     }
 }
 
 /// Sensitivity at a place of the field (mm), a channel each. It falls off quadratically towards the corners.
-pub fn gain(spec: &Spec, p: [f64; 2]) -> [f64; 3] {
+pub fn gain(spec: &LeafSpec, p: [f64; 2]) -> [f64; 3] {
     let half = spec.field_mm.map(|f| 0.5 * f);
     let r2 = ((p[0] / half[0]).powi(2) + (p[1] / half[1]).powi(2)) * 0.5;
     spec.device.gain.map(|g| g * (1.0 - spec.device.vignette * r2))
 }
 
 struct Camera<'a> {
-    spec: &'a Spec,
+    spec: &'a LeafSpec,
     seed: u64,
 }
 
@@ -160,7 +160,7 @@ impl Camera<'_> {
     }
 
     /// Noise-free values of a frame, dark level included: row-major, RGB.
-    fn frame(&self, view: &View, tube: &Device, travel: Travel, position: f64) -> Vec<[f64; 3]> {
+    fn frame(&self, view: &View, tube: &TubeDevice, travel: Travel, position: f64) -> Vec<[f64; 3]> {
         let leaf = view.leaf;
         let (w, h, dark) = (leaf.width, leaf.height, self.spec.device.dark);
         let across = |i: usize, j: usize| texel_position(w, h, leaf.texel_mm, i, j);
@@ -193,7 +193,7 @@ impl Camera<'_> {
     /// Noise-free values of the white sheet, which covers the same field with fewer texels.
     fn white(
         &self,
-        tube: &Device,
+        tube: &TubeDevice,
         travel: Travel,
         position: f64,
         (w, h): (usize, usize),
@@ -213,7 +213,7 @@ impl Camera<'_> {
 
     /// The light box, with a leaf on it or without (Wang et al. 2005 §3: reciprocity makes the ratio the ρt of a beam
     /// at the camera's angle).
-    fn lightbox(&self, leaf: &Leaf, on_it: Option<&View>) -> Vec<[f64; 3]> {
+    fn lightbox(&self, leaf: &SyntheticLeaf, on_it: Option<&View>) -> Vec<[f64; 3]> {
         let field = self.spec.field_mm;
         (0..leaf.width * leaf.height)
             .map(|k| {
@@ -238,7 +238,7 @@ const STRIP: usize = 4;
 /// seen through a filter, because a mirror shows the tube itself, H/a times as bright as white paper; here the tube has
 /// the value 1.
 fn mirror(
-    manifest: &Manifest,
+    manifest: &TubeManifest,
     travel: Travel,
     position: f64,
     white: (usize, usize),
@@ -268,8 +268,8 @@ fn mirror(
 }
 
 fn references(
-    manifest: &Manifest,
-    leaf: &Leaf,
+    manifest: &TubeManifest,
+    leaf: &SyntheticLeaf,
     camera: &Camera,
     sensor: Sensor,
     white: (usize, usize),
@@ -283,7 +283,7 @@ fn references(
     // The sheet covers exactly the leaf's field, so its texels are wider.
     let texel = [leaf.texel_mm * size.0 as f64 / white.0 as f64, leaf.texel_mm * size.1 as f64 / white.1 as f64];
     for (p, pass) in manifest.passes.iter().enumerate() {
-        let tube = Device::new(manifest.tube, pass.name, manifest.camera_deg);
+        let tube = TubeDevice::new(manifest.tube, pass.name, manifest.camera_deg);
         for (k, &position) in pass.positions().iter().enumerate() {
             let image = camera.white(&tube, pass.name, position, white, texel);
             put(manifest::white_path(folder, pass.name, k), image, white, [10, p as u64, k as u64])?;
@@ -313,10 +313,10 @@ pub(crate) fn write_frame(
     raw: Option<PathBuf>,
 ) -> Result<()> {
     image.par_chunks_mut(width).enumerate().for_each(|(j, row)| {
-        let stream = Stream::new(seed, &[place[0], place[1], place[2], j as u64]);
+        let stream = RandomStream::new(seed, &[place[0], place[1], place[2], j as u64]);
         sensor.disturb(row.as_flattened_mut(), stream);
     });
-    let mut maps = Maps::new(width, height);
+    let mut maps = ChannelMaps::new(width, height);
     for (c, name) in ["R", "G", "B"].iter().enumerate() {
         maps.push(*name, image.iter().map(|v| sensor.merged(v[c])).collect());
     }

@@ -1,7 +1,7 @@
 //! The camera's sensor: seeded noise, three 16-bit exposures, each eight times longer than the next, saturation, and
 //! the merging of the exposures. Values are in the units of a capture (1 = white texel under an infinite tube).
 
-use mesophyll_base::random::Stream;
+use mesophyll_base::random::RandomStream;
 
 /// Factor between exposure times.
 const STEP: f64 = 8.0;
@@ -46,7 +46,7 @@ impl Sensor {
     }
 
     /// Adds noise of standard deviation √((relative·value)² + floor²) to a row of values.
-    pub fn disturb(&self, row: &mut [f64], mut stream: Stream) {
+    pub fn disturb(&self, row: &mut [f64], mut stream: RandomStream) {
         if self.relative == 0.0 {
             return;
         }
@@ -76,7 +76,7 @@ mod tests {
             let mut row = vec![value; n];
             // A dark level prevents noise around zero from being cut off by the counts.
             row.iter_mut().for_each(|v| *v += 0.01);
-            SENSOR.disturb(&mut row, Stream::new(1, &[value.to_bits()]));
+            SENSOR.disturb(&mut row, RandomStream::new(1, &[value.to_bits()]));
             let merged: Vec<f64> = row.iter().map(|&v| f64::from(SENSOR.merged(v))).collect();
             let mean = merged.iter().sum::<f64>() / n as f64;
             let sd = (merged.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n as f64).sqrt();

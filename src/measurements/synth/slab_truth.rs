@@ -16,7 +16,7 @@ const SINGLE: f64 = 1e-12;
 
 /// Share of a collimated beam that comes back (ρd) and that goes through (ρt, the unscattered part included).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Response {
+pub struct BeamResponse {
     /// Share that comes back.
     pub rho_d: f64,
     /// Share that goes through.
@@ -50,15 +50,15 @@ pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
 /// ρd and ρt of a slab with absorption and scattering coefficients (1/mm) and thickness (mm), all ≥ 0, for a beam along
 /// the normal.
 #[cfg(test)]
-pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
+pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> BeamResponse {
     response_at(1.0, sigma_a, sigma_s, thickness_mm)
 }
 
 /// The same for a beam at cosine `mu0` (0 < μ₀ ≤ 1), as shares of the flux that falls on the slab.
-pub fn response_at(mu0: f64, sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
+pub fn response_at(mu0: f64, sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> BeamResponse {
     let sigma_t = sigma_a + sigma_s;
     if sigma_t * thickness_mm <= 0.0 {
-        return Response { rho_d: 0.0, rho_t: 1.0 };
+        return BeamResponse { rho_d: 0.0, rho_t: 1.0 };
     }
     by_doubling(sigma_s / sigma_t, sigma_t * thickness_mm, mu0, ORDINATES)
 }
@@ -75,7 +75,7 @@ struct Layer {
     through: DVector<f64>,
 }
 
-fn by_doubling(omega: f64, delta: f64, mu0: f64, n: usize) -> Response {
+fn by_doubling(omega: f64, delta: f64, mu0: f64, n: usize) -> BeamResponse {
     let (mu, weight): (Vec<f64>, Vec<f64>) =
         gauss_legendre(n).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).unzip();
     let doublings = (delta / SINGLE).log2().ceil().max(0.0) as i32;
@@ -84,7 +84,7 @@ fn by_doubling(omega: f64, delta: f64, mu0: f64, n: usize) -> Response {
         layer = doubled(&layer, &mu);
     }
     let flux = |radiance: &DVector<f64>| (0..n).map(|i| weight[i] * mu[i] * radiance[i]).sum::<f64>();
-    Response { rho_d: flux(&layer.back), rho_t: (-layer.depth / mu0).exp() + flux(&layer.through) }
+    BeamResponse { rho_d: flux(&layer.back), rho_t: (-layer.depth / mu0).exp() + flux(&layer.through) }
 }
 
 /// Exact first order of scattering of a layer: the source (ω/2)·(incident radiance) at each depth, attenuated on its
@@ -150,30 +150,30 @@ fn doubled(layer: &Layer, mu: &[f64]) -> Layer {
 ///
 /// Both axes are logarithmic; an axis whose ends coincide has a single node.
 #[derive(Debug, Clone)]
-pub struct Table {
-    absorption: Axis,
-    thickness: Axis,
+pub struct SlabTruthTable {
+    absorption: ChebyshevAxis,
+    thickness: ChebyshevAxis,
     /// ln ρd and ln ρt at the nodes, thickness fastest.
     values: Vec<[f64; 2]>,
 }
 
 /// Chebyshev interpolation in one variable.
 #[derive(Debug, Clone)]
-pub struct Axis {
+pub struct ChebyshevAxis {
     /// The nodes.
     pub nodes: Vec<f64>,
     weights: Vec<f64>,
 }
 
-impl Axis {
+impl ChebyshevAxis {
     /// `n` nodes from a to b; one node where a and b are equal.
-    pub fn new([a, b]: [f64; 2], n: usize) -> Axis {
+    pub fn new([a, b]: [f64; 2], n: usize) -> ChebyshevAxis {
         if (b - a).abs() < 1e-12 {
-            return Axis { nodes: vec![a], weights: vec![1.0] };
+            return ChebyshevAxis { nodes: vec![a], weights: vec![1.0] };
         }
         // Chebyshev points of the first kind and their barycentric weights (−1)^k sin θ.
         let angle = |k: usize| (2 * k + 1) as f64 / (2 * n) as f64 * std::f64::consts::PI;
-        Axis {
+        ChebyshevAxis {
             nodes: (0..n).map(|k| 0.5 * (a + b) + 0.5 * (b - a) * angle(k).cos()).collect(),
             weights: (0..n).map(|k| angle(k).sin() * if k % 2 == 0 { 1.0 } else { -1.0 }).collect(),
         }
@@ -190,11 +190,12 @@ impl Axis {
     }
 }
 
-impl Table {
+impl SlabTruthTable {
     /// Tabulates σs (1/mm) over ranges of σa (1/mm) and thickness (mm), both positive, for a beam at cosine `mu0`;
     /// solves in parallel.
-    pub fn new(mu0: f64, sigma_a: [f64; 2], sigma_s: f64, thickness_mm: [f64; 2]) -> Table {
-        let (absorption, thickness) = (Axis::new(sigma_a.map(f64::ln), 13), Axis::new(thickness_mm.map(f64::ln), 14));
+    pub fn new(mu0: f64, sigma_a: [f64; 2], sigma_s: f64, thickness_mm: [f64; 2]) -> SlabTruthTable {
+        let (absorption, thickness) =
+            (ChebyshevAxis::new(sigma_a.map(f64::ln), 13), ChebyshevAxis::new(thickness_mm.map(f64::ln), 14));
         let pairs: Vec<(f64, f64)> =
             absorption.nodes.iter().flat_map(|a| thickness.nodes.iter().map(|h| (a.exp(), h.exp()))).collect();
         let values = pairs
@@ -204,11 +205,11 @@ impl Table {
                 [r.rho_d.ln(), r.rho_t.ln()]
             })
             .collect();
-        Table { absorption, thickness, values }
+        SlabTruthTable { absorption, thickness, values }
     }
 
     /// The response at an absorption (1/mm) and a thickness (mm) within the ranges.
-    pub fn at(&self, sigma_a: f64, thickness_mm: f64) -> Response {
+    pub fn at(&self, sigma_a: f64, thickness_mm: f64) -> BeamResponse {
         let (wa, wh) = (self.absorption.at(sigma_a.ln()), self.thickness.at(thickness_mm.ln()));
         let mut sum = [0.0; 2];
         for (i, a) in wa.iter().enumerate() {
@@ -217,7 +218,7 @@ impl Table {
                 sum[1] += a * h * v[1];
             }
         }
-        Response { rho_d: sum[0].exp(), rho_t: sum[1].exp() }
+        BeamResponse { rho_d: sum[0].exp(), rho_t: sum[1].exp() }
     }
 }
 
@@ -260,7 +261,7 @@ mod tests {
 
     #[test]
     fn the_table_is_the_solver() {
-        let table = Table::new(1.0, [0.8, 20.0], 12.0, [0.06, 0.5]);
+        let table = SlabTruthTable::new(1.0, [0.8, 20.0], 12.0, [0.06, 0.5]);
         for (a, h) in [(0.83, 0.49), (3.0, 0.2), (19.0, 0.07), (7.3, 0.31)] {
             let (t, r) = (table.at(a, h), response(a, 12.0, h));
             assert!(

@@ -1,9 +1,9 @@
 //! Leaf specifications (`data/leaves/*.toml`, format in `data/README.md`): what a synthetic leaf looks like and how it
 //! is scanned. Lengths in mm, angles in degrees, coefficients in 1/mm. Unknown fields are errors.
 
-use super::layers::Foliar;
+use super::layers::FoliarSpec;
 use crate::{Error, Result};
-use mesophyll_files::whole;
+use mesophyll_files::whole_file;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Tube;
 use serde::{Deserialize, Serialize};
@@ -28,7 +28,7 @@ use strum::{Display, EnumIter, EnumString, IntoStaticStr};
 )]
 #[serde(rename_all = "lowercase")]
 #[strum(serialize_all = "lowercase")]
-pub enum Model {
+pub enum InteriorModel {
     /// One σa, σs a leaf; thickness and γ vary (Wang et al. 2005, with full A and B).
     Exact,
     /// σa varies with the chlorophyll of each place; veins hold a tenth of it.
@@ -40,7 +40,7 @@ pub enum Model {
 /// What a synthetic leaf looks like and how it is scanned.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Spec {
+pub struct LeafSpec {
     /// Version of the format.
     pub schema: u32,
     /// The leaf's name.
@@ -48,7 +48,7 @@ pub struct Spec {
     /// The plant's botanical name.
     pub species: String,
     /// Whether σa varies over the leaf.
-    pub model: Model,
+    pub model: InteriorModel,
     /// Seed of everything that is grown by chance.
     pub seed: u64,
     /// Size of the scanned field (mm). The blade is centred in it, with its midrib along x.
@@ -59,38 +59,38 @@ pub struct Spec {
     #[serde(default)]
     pub lobe: Lobe,
     /// The blade's contour.
-    pub outline: Outline,
+    pub outline: OutlineSpec,
     /// Teeth along the margin.
     #[serde(default)]
-    pub margin: Margin,
+    pub margin: MarginSpec,
     /// How its veins are grown.
-    pub veins: Veins,
+    pub veins: VeinSpec,
     /// Shape of both surfaces.
-    pub relief: Relief,
+    pub relief: ReliefSpec,
     /// How thickness varies.
-    pub variation: Variation,
+    pub variation: ThicknessVariation,
     /// Mean coefficients of the tissue; a leaf of layers needs none.
     #[serde(default)]
-    pub interior: Interior,
+    pub interior: InteriorSpec,
     /// How σa varies, for the `pigment` model, and chlorophyll for the `foliar` one.
     #[serde(default)]
-    pub pigment: Pigment,
+    pub pigment: PigmentSpec,
     /// Layers and pigments, for the `foliar` model.
     #[serde(default)]
-    pub foliar: Option<Foliar>,
+    pub foliar: Option<FoliarSpec>,
     /// The front's surface.
-    pub front: Surface,
+    pub front: SurfaceSpec,
     /// The back's surface.
-    pub back: Surface,
+    pub back: SurfaceSpec,
     /// What it is scanned with.
     #[serde(default)]
-    pub device: Device,
+    pub device: DeviceSpec,
 }
 
 /// The blade's contour.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Outline {
+pub struct OutlineSpec {
     /// From base to tip along the midrib.
     pub length_mm: f64,
     /// `[t, left, right]`: half widths (mm) at the fraction t of the length; t rises from 0 to 1. Left is +y.
@@ -114,7 +114,7 @@ pub struct Outline {
 /// Teeth along the margin; none by default.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Margin {
+pub struct MarginSpec {
     /// Distance between teeth; 0 is an entire margin.
     #[serde(default)]
     pub tooth_mm: f64,
@@ -147,7 +147,7 @@ pub enum Venation {
 /// How the network of veins is grown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Veins {
+pub struct VeinSpec {
     /// How primary and secondary veins run.
     pub kind: Venation,
     /// Secondaries on each side of the midrib; primaries on each side for `parallel`; primaries in all for `palmate`.
@@ -171,7 +171,7 @@ pub struct Veins {
 /// Shape of both surfaces (mm): veins sunk into the front and raised on the back, lamina arched between the veins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Relief {
+pub struct ReliefSpec {
     /// Depth of primary, secondary and tertiary veins below the front.
     pub sunk_mm: [f64; 3],
     /// Height of the same veins above the back.
@@ -201,7 +201,7 @@ fn wave_length() -> f64 {
 /// How thickness varies, relative to h.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Variation {
+pub struct ThicknessVariation {
     /// Extra thickness of primary, secondary and tertiary veins.
     pub veins: [f64; 3],
     /// Standard deviation of slow and of fine variation of the lamina.
@@ -211,7 +211,7 @@ pub struct Variation {
 /// Coefficients a channel (1/mm); all 0 where none are stated.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Interior {
+pub struct InteriorSpec {
     /// Absorption coefficient σa.
     pub sigma_a: [f64; 3],
     /// Scattering coefficient σs.
@@ -221,7 +221,7 @@ pub struct Interior {
 /// Chlorophyll of the `pigment` model, relative to the leaf's σa.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Pigment {
+pub struct PigmentSpec {
     /// Chlorophyll left in veins.
     pub veins: f64,
     /// Standard deviation over the lamina.
@@ -230,16 +230,16 @@ pub struct Pigment {
     pub between: f64,
 }
 
-impl Default for Pigment {
+impl Default for PigmentSpec {
     fn default() -> Self {
-        Pigment { veins: 0.1, lamina: 0.12, between: 0.1 }
+        PigmentSpec { veins: 0.1, lamina: 0.12, between: 0.1 }
     }
 }
 
 /// One side's surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Surface {
+pub struct SurfaceSpec {
     /// Mean gloss reflectance ρs.
     pub rho_s: f64,
     /// Mean slope m of the gloss.
@@ -259,7 +259,7 @@ pub struct Surface {
 /// The device; the defaults are a device of Gardner et al.'s kind.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Device {
+pub struct DeviceSpec {
     /// Angle of the view direction (sin, 0, cos) from the vertical.
     pub camera_deg: f64,
     /// Angle from which the light box is photographed.
@@ -282,9 +282,9 @@ pub struct Device {
     pub noise_floor: f64,
 }
 
-impl Default for Device {
+impl Default for DeviceSpec {
     fn default() -> Self {
-        Device {
+        DeviceSpec {
             camera_deg: 55.0,
             lightbox_camera_deg: 0.0,
             tube: Tube { height_mm: 100.0, length_mm: 500.0, radius_mm: 2.5 },
@@ -300,7 +300,7 @@ impl Default for Device {
 }
 
 /// Reads the text of a specification without checking its values.
-impl FromStr for Spec {
+impl FromStr for LeafSpec {
     type Err = toml::de::Error;
 
     fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
@@ -308,14 +308,14 @@ impl FromStr for Spec {
     }
 }
 
-impl Spec {
+impl LeafSpec {
     /// Reads and validates a specification.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
-    pub fn read(path: &Path) -> Result<Spec> {
-        let text = whole::text(path)?;
-        let mut spec: Spec = text.parse().map_err(|e| Error::toml(path, &text, &e))?;
+    pub fn read(path: &Path) -> Result<LeafSpec> {
+        let text = whole_file::text(path)?;
+        let mut spec: LeafSpec = text.parse().map_err(|e| Error::toml(path, &text, &e))?;
         spec.validate(path)?;
         if let Some(foliar) = &mut spec.foliar {
             foliar.read(path)?;
@@ -328,12 +328,12 @@ impl Spec {
     ///
     /// # Errors
     /// [`Error::Input`] where the specification at `path` does not state what that model needs.
-    pub fn truth(&self, path: &Path, asked: Option<Model>) -> Result<Model> {
+    pub fn truth(&self, path: &Path, asked: Option<InteriorModel>) -> Result<InteriorModel> {
         let model = asked.unwrap_or(self.model);
         let (field, found, stated) = match model {
-            Model::Foliar => ("foliar", "no such table", self.foliar.is_some()),
-            Model::Exact | Model::Pigment => {
-                ("interior", "no such table, or only zeros in it", self.interior != Interior::default())
+            InteriorModel::Foliar => ("foliar", "no such table", self.foliar.is_some()),
+            InteriorModel::Exact | InteriorModel::Pigment => {
+                ("interior", "no such table, or only zeros in it", self.interior != InteriorSpec::default())
             }
         };
         if !stated {

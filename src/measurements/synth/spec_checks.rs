@@ -1,10 +1,10 @@
 //! Checks the numbers of a leaf specification.
 
-use super::spec::{Interior, Outline, Spec};
+use super::spec::{InteriorSpec, LeafSpec, OutlineSpec};
 use crate::{Error, Result};
 use std::path::Path;
 
-impl Spec {
+impl LeafSpec {
     /// Checks every number against its range.
     ///
     /// # Errors
@@ -45,7 +45,7 @@ impl Spec {
             ("interior.sigma_s", self.interior.sigma_s),
             ("device.gain", self.device.gain),
         ];
-        let layers_only = self.interior == Interior::default();
+        let layers_only = self.interior == InteriorSpec::default();
         for (field, values) in colours.into_iter().skip(if layers_only { 2 } else { 0 }) {
             if values.iter().any(|v| !(*v > 0.0 && v.is_finite())) {
                 return bad(field, format!("{values:?}"), "three positive numbers");
@@ -123,7 +123,7 @@ impl Spec {
     /// The fields that are neither checked to be positive nor by rules of their own, or that have an upper limit too,
     /// and their ranges. They are wide: they keep out what no leaf can be.
     fn ranges(&self) -> Vec<(&'static str, f64, [f64; 2])> {
-        let Spec { outline, margin, veins, relief, variation, .. } = self;
+        let LeafSpec { outline, margin, veins, relief, variation, .. } = self;
         let length = [0.0, LONGEST_MM];
         let mut all = vec![
             ("field_mm", self.field_mm[0], length),
@@ -164,7 +164,7 @@ impl Spec {
 /// The longest leaf (mm): the leaves of some palms reach 25 m, and no leaflet does.
 const LONGEST_MM: f64 = 30_000.0;
 
-impl Outline {
+impl OutlineSpec {
     /// The largest of its lengths, half widths and radii (mm).
     fn largest_mm(&self) -> f64 {
         let widths = self.profile.iter().flat_map(|[_, left, right]| [*left, *right]);
@@ -177,9 +177,9 @@ mod tests {
     use super::*;
 
     /// The elm with one field changed: what is said of it, or nothing.
-    fn told(change: impl FnOnce(&mut Spec)) -> Option<String> {
+    fn told(change: impl FnOnce(&mut LeafSpec)) -> Option<String> {
         let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../data/leaves/elm.toml"));
-        let mut spec = Spec::read(path).unwrap();
+        let mut spec = LeafSpec::read(path).unwrap();
         change(&mut spec);
         spec.validate(path).err().map(|e| e.to_string())
     }
@@ -188,7 +188,7 @@ mod tests {
     fn leaves_that_would_grow_for_ever_are_refused_by_name() {
         assert_eq!(told(|_| {}), None);
         assert_eq!(told(|s| s.veins.tertiary_mm = 0.0), None);
-        let wrong: [(&str, fn(&mut Spec)); 8] = [
+        let wrong: [(&str, fn(&mut LeafSpec)); 8] = [
             ("outline.length_mm: found 4000000000000000", |s| s.outline.length_mm = 4e15),
             ("outline.bow_mm: found inf", |s| s.outline.bow_mm = f64::INFINITY),
             ("outline.profile: found 1000000000", |s| s.outline.profile[3][1] = 1e9),

@@ -2,15 +2,15 @@
 //! Tertiaries are cross-veins and veins grown by space colonisation (Runions et al. 2005: veins grow towards auxin
 //! sources spread over the lamina), whose tips join into meshes. Lengths in mm.
 
-use super::colonise::colonise;
-use super::outline::Blade;
-use super::spec::{Veins, Venation};
-use mesophyll_base::random::Stream;
+use super::colonisation::colonise;
+use super::outline::BladeContour;
+use super::spec::{VeinSpec, Venation};
+use mesophyll_base::random::RandomStream;
 use std::f64::consts::PI;
 
 /// A straight piece of a vein; radii (half widths) at both ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Piece {
+pub struct VeinPiece {
     pub a: [f64; 2],
     pub b: [f64; 2],
     pub radius: [f64; 2],
@@ -18,14 +18,14 @@ pub struct Piece {
 
 /// The network, by order: primaries, secondaries, tertiaries.
 #[derive(Debug, Clone, Default)]
-pub struct Network {
-    pub orders: [Pieces; 3],
+pub struct VeinNetwork {
+    pub orders: [VeinIndex; 3],
 }
 
 /// Pieces of veins, with a grid to find those near a point.
 #[derive(Debug, Clone, Default)]
-pub struct Pieces {
-    list: Vec<Piece>,
+pub struct VeinIndex {
+    list: Vec<VeinPiece>,
     /// Cells row by row, over the square −reach … reach in both directions.
     grid: Vec<Vec<u32>>,
     /// Cells from the origin to the edge.
@@ -44,11 +44,11 @@ pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-impl Pieces {
+impl VeinIndex {
     /// An empty set for pieces within `reach` mm of the origin.
-    fn new(reach: f64) -> Pieces {
+    fn new(reach: f64) -> VeinIndex {
         let half = (reach / CELL).ceil() as i32 + 1;
-        Pieces { list: Vec::new(), grid: vec![Vec::new(); (4 * half * half) as usize], half }
+        VeinIndex { list: Vec::new(), grid: vec![Vec::new(); (4 * half * half) as usize], half }
     }
 
     fn slot(&self, (i, j): (i32, i32)) -> Option<usize> {
@@ -56,7 +56,7 @@ impl Pieces {
         (inside(i) && inside(j)).then(|| ((i + h) * 2 * h + j + h) as usize)
     }
 
-    fn push(&mut self, piece: Piece) {
+    fn push(&mut self, piece: VeinPiece) {
         let k = self.list.len() as u32;
         let (lo, hi) = (
             cell([piece.a[0].min(piece.b[0]), piece.a[1].min(piece.b[1])]),
@@ -72,7 +72,7 @@ impl Pieces {
         self.list.push(piece);
     }
 
-    pub fn list(&self) -> &[Piece] {
+    pub fn list(&self) -> &[VeinPiece] {
         &self.list
     }
 
@@ -111,10 +111,10 @@ impl Pieces {
     }
 }
 
-impl Network {
-    pub fn grow(blade: &Blade, veins: &Veins, seed: u64) -> Network {
+impl VeinNetwork {
+    pub fn grow(blade: &BladeContour, veins: &VeinSpec, seed: u64) -> VeinNetwork {
         let reach = blade.reach();
-        let mut network = Network { orders: [0, 1, 2].map(|_| Pieces::new(reach)) };
+        let mut network = VeinNetwork { orders: [0, 1, 2].map(|_| VeinIndex::new(reach)) };
         let primaries = primaries(blade, veins);
         for line in &primaries {
             add(&mut network.orders[0], line, 0.5 * veins.width_mm[0]);
@@ -124,7 +124,7 @@ impl Network {
         }
         if let Some([a, b]) = blade.petiole() {
             let r = 0.5 * veins.width_mm[0];
-            network.orders[0].push(Piece { a, b, radius: [r, r] });
+            network.orders[0].push(VeinPiece { a, b, radius: [r, r] });
         }
         if veins.tertiary_mm > 0.0 {
             network.orders[2] = cross_veins(blade, veins, &network, seed);
@@ -137,15 +137,15 @@ impl Network {
 }
 
 /// Adds a polyline whose radius tapers to a fifth along its length.
-fn add(pieces: &mut Pieces, line: &[[f64; 2]], radius: f64) {
+fn add(pieces: &mut VeinIndex, line: &[[f64; 2]], radius: f64) {
     let n = line.len();
     let at = |k: usize| radius * (1.0 - 0.8 * k as f64 / n as f64);
     for k in 1..n {
-        pieces.push(Piece { a: line[k - 1], b: line[k], radius: [at(k - 1), at(k)] });
+        pieces.push(VeinPiece { a: line[k - 1], b: line[k], radius: [at(k - 1), at(k)] });
     }
 }
 
-fn primaries(blade: &Blade, veins: &Veins) -> Vec<Vec<[f64; 2]>> {
+fn primaries(blade: &BladeContour, veins: &VeinSpec) -> Vec<Vec<[f64; 2]>> {
     let fractions = |n: usize| (0..=n).map(move |k| k as f64 / n as f64);
     match veins.kind {
         Venation::Pinnate => vec![fractions(200).map(|t| blade.place(t * 0.985, 0.0)).collect()],
@@ -178,10 +178,10 @@ fn primaries(blade: &Blade, veins: &Veins) -> Vec<Vec<[f64; 2]>> {
     }
 }
 
-fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: u64) -> Vec<Vec<[f64; 2]>> {
+fn secondaries(blade: &BladeContour, veins: &VeinSpec, primaries: &[Vec<[f64; 2]>], seed: u64) -> Vec<Vec<[f64; 2]>> {
     let mut lines = Vec::new();
     let jitter = |k: usize, side: f64, what: u64| {
-        veins.jitter * Stream::new(seed, &[0x5ec, k as u64, u64::from(side > 0.0), what]).signed()
+        veins.jitter * RandomStream::new(seed, &[0x5ec, k as u64, u64::from(side > 0.0), what]).signed()
     };
     match veins.kind {
         Venation::Pinnate => {
@@ -253,10 +253,17 @@ fn secondaries(blade: &Blade, veins: &Veins, primaries: &[Vec<[f64; 2]>], seed: 
 }
 
 /// A secondary from the midrib at t0 towards the margin; with `arch` it turns along the margin before it gets there.
-fn pinnate(blade: &Blade, t0: f64, side: f64, angle_deg: f64, arch: f64, (seed, k): (u64, usize)) -> Vec<[f64; 2]> {
+fn pinnate(
+    blade: &BladeContour,
+    t0: f64,
+    side: f64,
+    angle_deg: f64,
+    arch: f64,
+    (seed, k): (u64, usize),
+) -> Vec<[f64; 2]> {
     let mut p = blade.place(t0, 0.0);
     let mut line = vec![p];
-    let wobble = Stream::new(seed, &[0xb0b, k as u64, u64::from(side > 0.0)]).signed();
+    let wobble = RandomStream::new(seed, &[0xb0b, k as u64, u64::from(side > 0.0)]).signed();
     for step in 0..2000 {
         let [t, s] = blade.along(p);
         let f = (s * side / blade.half_width(t, side > 0.0).max(1e-6)).clamp(0.0, 1.2);
@@ -276,10 +283,10 @@ fn pinnate(blade: &Blade, t0: f64, side: f64, angle_deg: f64, arch: f64, (seed, 
 }
 
 /// Cross-veins run from each secondary across the lamina until they meet another vein, like the rungs of a ladder.
-fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pieces {
-    let mut grown = Pieces::new(blade.reach());
+fn cross_veins(blade: &BladeContour, veins: &VeinSpec, network: &VeinNetwork, seed: u64) -> VeinIndex {
+    let mut grown = VeinIndex::new(blade.reach());
     let radius = 0.5 * veins.width_mm[2];
-    let pitch = |k: u64| veins.tertiary_mm * (1.0 + 0.35 * Stream::new(seed, &[0xc055, k]).signed());
+    let pitch = |k: u64| veins.tertiary_mm * (1.0 + 0.35 * RandomStream::new(seed, &[0xc055, k]).signed());
     // Between primaries that fan out there is lamina that no secondary crosses.
     let parents = if veins.kind == Venation::Palmate { 0..2 } else { 1..2 };
     let mut count = 0u64;
@@ -293,7 +300,7 @@ fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pi
             }
             until_next += pitch(count);
             count += 1;
-            let mut s = Stream::new(seed, &[0xc0, count, order as u64]);
+            let mut s = RandomStream::new(seed, &[0xc0, count, order as u64]);
             let along = (piece.b[1] - piece.a[1]).atan2(piece.b[0] - piece.a[0]);
             // On the side that faces the tip; on the midribs of a fan, on both sides in turn.
             let side = if (order == 0 && count.is_multiple_of(2)) || along > 0.0 { -1.0 } else { 1.0 };
@@ -315,7 +322,7 @@ fn cross_veins(blade: &Blade, veins: &Veins, network: &Network, seed: u64) -> Pi
                 }
             }
             for w in line.windows(2) {
-                grown.push(Piece { a: w[0], b: w[1], radius: [radius, radius] });
+                grown.push(VeinPiece { a: w[0], b: w[1], radius: [radius, radius] });
             }
         }
     }

@@ -57,7 +57,7 @@ pub struct Branch {
     /// branch that has the shape that its weight has given it, and the whole load for a straight branch.
     pub bending_load: f64,
     /// What is stated about its motion.
-    pub stated: Stated,
+    pub stated: BranchMotion,
     /// Name of the bark's material.
     pub material: String,
     /// The bark, in the branch's own frame; may be empty.
@@ -73,7 +73,7 @@ pub const DAMPINGS: [f64; 2] = [0.01, 10.0];
 
 /// What is stated about the motion of a branch. What is absent follows from the size and the mass of the plant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Stated {
+pub struct BranchMotion {
     /// The tip's deflection over the length for each m/s of a steady wind across the branch.
     pub lean_per_m_s: Option<f64>,
     /// Resonance frequency (Hz).
@@ -365,7 +365,7 @@ mod tests {
                 tip_radius: 2.0,
                 load: 0.0,
                 bending_load: 0.0,
-                stated: Stated::default(),
+                stated: BranchMotion::default(),
                 material: "bark".into(),
                 wood: tube(axis, 2.0),
             };

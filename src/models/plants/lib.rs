@@ -7,10 +7,10 @@
 
 #![warn(missing_docs)]
 
-pub mod carried;
+pub mod branch_loads;
 pub mod file;
 pub mod form;
-pub mod grow;
+pub mod growth;
 pub mod import;
 pub mod mechanics;
 pub mod pose;

@@ -13,21 +13,21 @@ pub const MOST_BANDS: usize = 64;
 
 /// Coefficients of a function on the sphere, three channels: N² triples at index l(l+1)+m.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Coefficients {
+pub struct HarmonicCoefficients {
     bands: usize,
     values: Vec<[f64; 3]>,
 }
 
-impl Coefficients {
+impl HarmonicCoefficients {
     /// All zero.
     pub fn zero(bands: usize) -> Self {
-        Coefficients { bands, values: vec![[0.0; 3]; bands * bands] }
+        HarmonicCoefficients { bands, values: vec![[0.0; 3]; bands * bands] }
     }
 
     /// From N² triples; `None` where their number is not a square.
     pub(crate) fn from_values(values: Vec<[f64; 3]>) -> Option<Self> {
         let bands = values.len().isqrt();
-        (bands * bands == values.len() && bands > 0).then_some(Coefficients { bands, values })
+        (bands * bands == values.len() && bands > 0).then_some(HarmonicCoefficients { bands, values })
     }
 
     /// Number of bands N: l = 0 … N−1.
@@ -51,7 +51,7 @@ impl Coefficients {
     pub fn truncated(&self, bands: usize) -> Self {
         let mut values = self.values.clone();
         values.resize(bands * bands, [0.0; 3]);
-        Coefficients { bands, values }
+        HarmonicCoefficients { bands, values }
     }
 
     /// Root of the sum of squared differences, a channel each. Bands that one of the two lacks count as zero.
@@ -72,7 +72,7 @@ pub fn index(l: usize, m: isize) -> usize {
 
 /// Values of all functions up to a number of bands; the factors of the recurrences are computed once.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Basis {
+pub struct HarmonicBasis {
     bands: usize,
     /// For each m: the value of Y_mm without (x + iy)^m, then pairs (α, β) for l = m+1 …, with Y_l = α (z Y_{l−1} − β
     /// Y_{l−2}).
@@ -85,7 +85,7 @@ struct Order {
     steps: Vec<[f64; 2]>,
 }
 
-impl Basis {
+impl HarmonicBasis {
     /// `bands` is at least 1.
     pub fn new(bands: usize) -> Self {
         let mut first = (1.0 / (4.0 * PI)).sqrt();
@@ -103,7 +103,7 @@ impl Basis {
                 Order { first, steps: steps.collect() }
             })
             .collect();
-        Basis { bands, orders }
+        HarmonicBasis { bands, orders }
     }
 
     /// Number of bands N: l = 0 … N−1.
@@ -145,7 +145,7 @@ impl Basis {
     }
 
     /// Σ c_lm Y_lm(d). `c` may have more or fewer bands than the basis; the bands that both have are used.
-    pub fn sum(&self, c: &Coefficients, d: [f64; 3]) -> [f64; 3] {
+    pub fn sum(&self, c: &HarmonicCoefficients, d: [f64; 3]) -> [f64; 3] {
         let mut out = [0.0; 3];
         let bands = self.bands.min(c.bands());
         let (mut cos, mut sin) = (1.0, 0.0);
@@ -165,13 +165,13 @@ impl Basis {
 }
 
 /// Σ c_lm Y_lm(d) in the unit direction `d`. For many directions make a [`Basis`] once.
-pub fn evaluate(c: &Coefficients, d: [f64; 3]) -> [f64; 3] {
-    Basis::new(c.bands().max(1)).sum(c, d)
+pub fn evaluate(c: &HarmonicCoefficients, d: [f64; 3]) -> [f64; 3] {
+    HarmonicBasis::new(c.bands().max(1)).sum(c, d)
 }
 
 /// The coefficients of the function turned about z by `phi` (counter-clockwise seen from above: +x goes to +y). Exact:
 /// Habel 2009 Eq. 5.2 with the signs of this basis, c′_m = c_m cos mφ − c_−m sin mφ, c′_−m = c_−m cos mφ + c_m sin mφ.
-pub fn rotate_z(c: &Coefficients, phi: f64) -> Coefficients {
+pub fn rotate_z(c: &HarmonicCoefficients, phi: f64) -> HarmonicCoefficients {
     let mut turned = c.clone();
     for m in 1..c.bands() {
         let (sin, cos) = (m as f64 * phi).sin_cos();
@@ -199,7 +199,7 @@ mod tests {
 
     /// ∫ Y_i Y_j over the sphere by a product rule that is exact for these degrees.
     fn gram_error(bands: usize) -> f64 {
-        let basis = Basis::new(bands);
+        let basis = HarmonicBasis::new(bands);
         let (nodes, turns) = (gauss(bands), 2 * bands);
         let n = bands * bands;
         let mut gram = vec![0.0; n * n];
@@ -235,7 +235,7 @@ mod tests {
         let d = [0.48, 0.6, 0.64];
         let [x, y, z] = d;
         let mut got = [0.0; 9];
-        Basis::new(3).fill(d, &mut got);
+        HarmonicBasis::new(3).fill(d, &mut got);
         let a = (15.0 / (4.0 * PI)).sqrt();
         let b = (3.0 / (4.0 * PI)).sqrt();
         let want = [
@@ -260,7 +260,7 @@ mod tests {
         let bands = MOST_BANDS;
         let mut y = vec![0.0; bands * bands];
         for z in [-1.0, -0.3, 0.0, 1e-9, 0.77, 0.999_999_9, 1.0] {
-            Basis::new(bands).fill(direction(z, 1.1), &mut y);
+            HarmonicBasis::new(bands).fill(direction(z, 1.1), &mut y);
             for l in 0..bands {
                 let sum: f64 = y[l * l..(l + 1) * (l + 1)].iter().map(|v| v * v).sum();
                 let want = (2 * l + 1) as f64 / (4.0 * PI);
@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn turning_the_coefficients_turns_the_function() {
-        let mut c = Coefficients::zero(7);
+        let mut c = HarmonicCoefficients::zero(7);
         for (k, v) in c.values_mut().iter_mut().enumerate() {
             *v = [(k as f64 * 0.7).sin(), (k as f64 * 1.3).cos(), 0.1 * k as f64];
         }
@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn sums_even_parts_and_sizes_agree() {
-        let basis = Basis::new(6);
+        let basis = HarmonicBasis::new(6);
         let d = direction(0.4, 0.8);
         let (mut all, mut even) = (vec![0.0; 36], vec![0.0; 21]);
         basis.fill(d, &mut all);
@@ -298,7 +298,7 @@ mod tests {
                 assert_eq!(all[l * (l + 1) + m], even[l * (l + 1) / 2 + m]);
             }
         }
-        let mut c = Coefficients::zero(8);
+        let mut c = HarmonicCoefficients::zero(8);
         c.values_mut().iter_mut().enumerate().for_each(|(k, v)| *v = [1.0 / (1 + k) as f64; 3]);
         let want: f64 = (0..36).map(|k| all[k] / (1 + k) as f64).sum();
         assert!((basis.sum(&c, d)[1] - want).abs() < 1e-14);

@@ -5,7 +5,7 @@
 //! Limits: turbidity 1 to 10, albedo 0 to 1. Towards the horizon radiance behaves like √cosθ, so quadrature converges
 //! more slowly than for Preetham's sky.
 
-use super::{Model, Refused, Sky, check, colour};
+use super::{Sky, SkyFamily, SkyRefusal, check, colour};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 use std::f64::consts::FRAC_PI_2;
 
@@ -46,7 +46,7 @@ impl Sky for HosekWilkieSky {
     }
 }
 
-impl Model for HosekWilkie {
+impl SkyFamily for HosekWilkie {
     fn name(&self) -> &'static str {
         "hosek-wilkie"
     }
@@ -56,10 +56,10 @@ impl Model for HosekWilkie {
     fn trusted(&self) -> [f64; 2] {
         [1.0, 10.0]
     }
-    fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, Refused> {
+    fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, SkyRefusal> {
         let sun_zenith = check(sun_zenith, turbidity, self.turbidities())?;
         if let Some(a) = self.albedo.iter().find(|a| !(0.0..=1.0).contains(*a)) {
-            return Err(Refused(format!("albedo is {a}; expected 0 to 1")));
+            return Err(SkyRefusal(format!("albedo is {a}; expected 0 to 1")));
         }
         let params = SkyParams {
             // Single precision may round π/2 − θs to just above π/2.
@@ -67,7 +67,7 @@ impl Model for HosekWilkie {
             turbidity: turbidity as f32,
             albedo: self.albedo.map(|a| a as f32),
         };
-        let state = SkyState::new(&params).map_err(|e| Refused(e.to_string()))?;
+        let state = SkyState::new(&params).map_err(|e| SkyRefusal(e.to_string()))?;
         Ok(Box::new(HosekWilkieSky { state, sun_zenith }))
     }
 }
@@ -82,7 +82,7 @@ mod tests {
     fn the_unit_is_klx_on_the_ground() {
         for s in [0.5, 0.9, 1.2f64] {
             let sky = HosekWilkie { albedo: [0.2; 3] }.sky(s, 3.0).unwrap();
-            let rgb = crate::irradiance::on_level_ground(&crate::project::direct(sky.as_ref(), 2));
+            let rgb = crate::irradiance::on_level_ground(&crate::projection::direct(sky.as_ref(), 2));
             let (got, measured) = (colour::xyz_from_rgb(rgb)[1], 0.8 + 15.5 * s.cos().sqrt());
             println!("θs {s}: {got:.2} klx, measured {measured:.2}");
             assert!((0.6..1.7).contains(&(got / measured)), "θs {s}: {got} {measured}");

@@ -3,7 +3,7 @@
 //!
 //! Radiance in kcd/m² gives illuminance in klx.
 
-use super::harmonics::{Basis, Coefficients};
+use super::harmonics::{HarmonicBasis, HarmonicCoefficients};
 use std::f64::consts::PI;
 
 /// A_l = 2π ∫₀¹ μ P_l(μ) dμ, the cosine lobe's weight of band l: π, 2π/3, π/4, 0, −π/24, 0, … (Ramamoorthi and Hanrahan
@@ -24,7 +24,7 @@ pub fn cosine_lobe(l: usize) -> f64 {
 
 /// Irradiance coefficients: band l times A_l. Their sum in a direction is the irradiance on the surface with that
 /// normal.
-pub fn convolved(c: &Coefficients) -> Coefficients {
+pub fn convolved(c: &HarmonicCoefficients) -> HarmonicCoefficients {
     let mut out = c.clone();
     for l in 0..c.bands() {
         let a = cosine_lobe(l);
@@ -35,13 +35,13 @@ pub fn convolved(c: &Coefficients) -> Coefficients {
 
 /// Irradiance on a surface with unit normal `n`; under an even sky all around it is π times the radiance. Negative sums
 /// (from ringing) are kept. For many normals, keep [`convolved`] and a [`Basis`].
-pub fn irradiance(c: &Coefficients, n: [f64; 3]) -> [f64; 3] {
-    Basis::new(c.bands().max(1)).sum(&convolved(c), n)
+pub fn irradiance(c: &HarmonicCoefficients, n: [f64; 3]) -> [f64; 3] {
+    HarmonicBasis::new(c.bands().max(1)).sum(&convolved(c), n)
 }
 
 /// Irradiance of the *whole* upper hemisphere on level ground. For unfiltered coefficients of a function that is zero
 /// below the horizon, it is exact with any number of bands from 2 on, because cosθ is Y_10 times a constant.
-pub fn on_level_ground(c: &Coefficients) -> [f64; 3] {
+pub fn on_level_ground(c: &HarmonicCoefficients) -> [f64; 3] {
     c.get(1, 0).map(|v| v * (4.0 * PI / 3.0).sqrt())
 }
 
@@ -59,7 +59,7 @@ pub fn below_horizon(l: usize) -> f64 {
 /// Adds level, matte ground to a sky: below the horizon the radiance is `albedo` (a channel each, 0 to 1) × the
 /// irradiance on the ground/π. The irradiance is that of the sky ([`on_level_ground`]) plus `extra` (the sun's, in
 /// klx). Call it before any window.
-pub fn add_ground(c: &Coefficients, albedo: [f64; 3], extra: [f64; 3]) -> Coefficients {
+pub fn add_ground(c: &HarmonicCoefficients, albedo: [f64; 3], extra: [f64; 3]) -> HarmonicCoefficients {
     let sky = on_level_ground(c);
     let ground: [f64; 3] = std::array::from_fn(|k| albedo[k] * (sky[k] + extra[k]) / PI);
     let mut out = c.clone();
@@ -73,7 +73,7 @@ pub fn add_ground(c: &Coefficients, albedo: [f64; 3], extra: [f64; 3]) -> Coeffi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::project::direct;
+    use crate::projection::direct;
     use crate::quadrature::gauss;
     use crate::{Preetham, Sky};
 
@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn irradiance_of_a_band_limited_sky_is_its_integral() {
         let c = direct(&Preetham.at(0.9, 3.0).unwrap(), 7);
-        let basis = Basis::new(7);
+        let basis = HarmonicBasis::new(7);
         for n in [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, -0.6, -0.8], [-1.0, 0.0, 0.0]] {
             let (got, want) = (irradiance(&c, n), numeric(n, |d| basis.sum(&c, d), 24));
             for k in 0..3 {
@@ -166,7 +166,7 @@ mod tests {
             assert!(((got[k] - ring[k]) / want[k] - 1.0).abs() < 2e-3, "{k}: {got:?} {ring:?} {want:?}");
         }
         // Sky and ground of the same radiance together are an even sphere.
-        let mut half = Coefficients::zero(6);
+        let mut half = HarmonicCoefficients::zero(6);
         for l in 0..6usize {
             let sign = if l % 2 == 0 { 1.0 } else { -1.0 };
             half.values_mut()[l * (l + 1)] = [sign * below_horizon(l); 3];

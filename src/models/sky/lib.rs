@@ -26,19 +26,19 @@
 #![warn(missing_docs)]
 
 pub mod colour;
-pub mod fitted;
 pub mod harmonics;
 pub mod hosek_wilkie;
 pub mod irradiance;
 pub mod panorama;
+pub mod polynomials;
 pub mod preetham;
-pub mod project;
+pub mod projection;
 pub mod quadrature;
 pub mod response;
 pub mod sun;
 pub mod window;
 
-pub use harmonics::Coefficients;
+pub use harmonics::HarmonicCoefficients;
 pub use hosek_wilkie::HosekWilkie;
 pub use preetham::Preetham;
 
@@ -47,7 +47,7 @@ use std::f64::consts::FRAC_PI_2;
 /// Why there is no such sky: a sentence that names the parameter, its value and what was expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct Refused(pub String);
+pub struct SkyRefusal(pub String);
 
 /// One sky: its parameters are fixed, only the direction is free.
 pub trait Sky: std::fmt::Debug + Send + Sync {
@@ -71,7 +71,7 @@ pub trait Sky: std::fmt::Debug + Send + Sync {
 }
 
 /// A family of skies over the sun's zenith angle and turbidity. Fits treat it as a black box.
-pub trait Model: Send + Sync {
+pub trait SkyFamily: Send + Sync {
     /// Name in files and on the command line.
     fn name(&self) -> &'static str;
 
@@ -86,7 +86,7 @@ pub trait Model: Send + Sync {
     /// # Errors
     /// [`Refused`] for a sun below the horizon, a turbidity outside [`Model::turbidities`], and values that are not
     /// finite.
-    fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, Refused>;
+    fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, SkyRefusal>;
 
     /// A warning about an accepted turbidity, if there is one.
     fn warning(&self, turbidity: f64) -> Option<String> {
@@ -128,9 +128,9 @@ impl SkyModel {
     ///
     /// # Errors
     /// [`Refused`] for another albedo.
-    pub fn over(self, albedo: f64) -> Result<Box<dyn Model>, Refused> {
+    pub fn over(self, albedo: f64) -> Result<Box<dyn SkyFamily>, SkyRefusal> {
         if !(0.0..=1.0).contains(&albedo) {
-            return Err(Refused(format!("albedo is {albedo}; expected 0 to 1")));
+            return Err(SkyRefusal(format!("albedo is {albedo}; expected 0 to 1")));
         }
         Ok(match self {
             SkyModel::Preetham => Box::new(Preetham),
@@ -147,15 +147,17 @@ pub(crate) const HORIZON_ROUNDING: f64 = 1e-5;
 ///
 /// # Errors
 /// As [`Model::sky`].
-pub fn check(sun_zenith: f64, turbidity: f64, [low, high]: [f64; 2]) -> Result<f64, Refused> {
+pub fn check(sun_zenith: f64, turbidity: f64, [low, high]: [f64; 2]) -> Result<f64, SkyRefusal> {
     if !(sun_zenith >= 0.0 && sun_zenith.is_finite()) {
-        return Err(Refused(format!("sun_zenith is {sun_zenith}; expected 0 (zenith) to pi/2 (horizon)")));
+        return Err(SkyRefusal(format!("sun_zenith is {sun_zenith}; expected 0 (zenith) to pi/2 (horizon)")));
     }
     if sun_zenith > FRAC_PI_2 + HORIZON_ROUNDING {
-        return Err(Refused(format!("sun_zenith is {sun_zenith}: the sun is below the horizon; expected 0 to pi/2")));
+        return Err(SkyRefusal(format!(
+            "sun_zenith is {sun_zenith}: the sun is below the horizon; expected 0 to pi/2"
+        )));
     }
     if !(low..=high).contains(&turbidity) {
-        return Err(Refused(format!("turbidity is {turbidity}; expected {low} to {high}")));
+        return Err(SkyRefusal(format!("turbidity is {turbidity}; expected {low} to {high}")));
     }
     Ok(sun_zenith.min(FRAC_PI_2))
 }

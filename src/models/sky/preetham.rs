@@ -7,7 +7,7 @@
 //! luminance factor 1 + A e^B is zero at τ = 1.643, and below that the horizon is negative, so τ is accepted from 1.7
 //! to 10. The paper fitted 2 to 6, and below 2.5 the horizon is too bright (Zotti et al. 2007).
 
-use super::{Model, Refused, Sky, check};
+use super::{Sky, SkyFamily, SkyRefusal, check};
 
 /// The model; it has no parameters besides sun and turbidity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -33,7 +33,7 @@ pub const ZENITH_Y: [[f64; 4]; 3] =
 
 /// Everything that depends on the turbidity alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Turbid {
+pub struct PreethamTurbidity {
     /// Turbidity: 1 is pure air, 6 is hazy.
     pub turbidity: f64,
     /// A … E for Y, x, y.
@@ -44,14 +44,14 @@ pub struct Turbid {
     overhead: [f64; 3],
 }
 
-impl Turbid {
+impl PreethamTurbidity {
     /// `turbidity` is not checked here; see [`Preetham::at`].
-    pub fn new(turbidity: f64) -> Turbid {
+    pub fn new(turbidity: f64) -> PreethamTurbidity {
         let t = turbidity;
         let perez = PEREZ.map(|row| row.map(|[slope, offset]| slope * t + offset));
         let chroma = [ZENITH_X, ZENITH_Y].map(|m| std::array::from_fn(|k| (m[0][k] * t + m[1][k]) * t + m[2][k]));
         let overhead = perez.map(|p| 1.0 + p[0] * p[1].exp());
-        Turbid { turbidity, perez, chroma, overhead }
+        PreethamTurbidity { turbidity, perez, chroma, overhead }
     }
 
     /// A … E for Y, x, y.
@@ -119,7 +119,7 @@ pub fn xyz_from_separable(s: [f64; 3]) -> [f64; 3] {
 /// One Preetham sky.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PreethamSky {
-    turbid: Turbid,
+    turbid: PreethamTurbidity,
     sun_zenith: f64,
     prefactors: [f64; 3],
 }
@@ -134,7 +134,7 @@ impl PreethamSky {
         self.prefactors
     }
     /// What depends on the turbidity alone.
-    pub fn turbid(&self) -> &Turbid {
+    pub fn turbid(&self) -> &PreethamTurbidity {
         &self.turbid
     }
 }
@@ -154,14 +154,14 @@ impl Preetham {
     ///
     /// # Errors
     /// As [`Model::sky`].
-    pub fn at(self, sun_zenith: f64, turbidity: f64) -> Result<PreethamSky, Refused> {
+    pub fn at(self, sun_zenith: f64, turbidity: f64) -> Result<PreethamSky, SkyRefusal> {
         let sun_zenith = check(sun_zenith, turbidity, TURBIDITIES)?;
-        let turbid = Turbid::new(turbidity);
+        let turbid = PreethamTurbidity::new(turbidity);
         Ok(PreethamSky { turbid, sun_zenith, prefactors: turbid.prefactors(sun_zenith) })
     }
 }
 
-impl Model for Preetham {
+impl SkyFamily for Preetham {
     fn name(&self) -> &'static str {
         "preetham"
     }
@@ -171,7 +171,7 @@ impl Model for Preetham {
     fn trusted(&self) -> [f64; 2] {
         TRUSTED
     }
-    fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, Refused> {
+    fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, SkyRefusal> {
         Ok(Box::new(self.at(sun_zenith, turbidity)?))
     }
 }
@@ -254,8 +254,8 @@ mod tests {
     /// The zero of the luminance factor lies where the limits say.
     #[test]
     fn the_pole_is_at_1_643() {
-        assert!(Turbid::new(1.6425).overhead[0] > 0.0 || Turbid::new(1.6435).overhead[0] > 0.0);
-        assert!(Turbid::new(1.6425).overhead[0] * Turbid::new(1.6435).overhead[0] < 0.0);
+        assert!(PreethamTurbidity::new(1.6425).overhead[0] > 0.0 || PreethamTurbidity::new(1.6435).overhead[0] > 0.0);
+        assert!(PreethamTurbidity::new(1.6425).overhead[0] * PreethamTurbidity::new(1.6435).overhead[0] < 0.0);
     }
 
     #[test]

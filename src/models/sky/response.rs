@@ -22,7 +22,7 @@ use crate::sun::matching;
     strum::IntoStaticStr,
 )]
 #[strum(serialize_all = "kebab-case")]
-pub enum Response {
+pub enum ObserverResponse {
     /// Linear sRGB (IEC 61966-2-1), unclamped; white is 1, 1, 1
     Srgb,
     /// X, Y, Z of the CIE 1931 standard observer; Y of white is 1
@@ -53,12 +53,12 @@ fn d65(nm: f64) -> f64 {
     D65[i] + (x - i as f64) * (D65[i + 1] - D65[i])
 }
 
-impl Response {
+impl ObserverResponse {
     /// The letters of its bands.
     pub fn letters(self) -> [&'static str; 3] {
         match self {
-            Response::Srgb => ["r", "g", "b"],
-            Response::Cie1931 => ["x", "y", "z"],
+            ObserverResponse::Srgb => ["r", "g", "b"],
+            ObserverResponse::Cie1931 => ["x", "y", "z"],
         }
     }
 
@@ -100,8 +100,8 @@ impl Response {
         let [_, y, _] = white;
         let scaled = weights.into_iter().map(|w| w.map(|v| v / y));
         Ok(match self {
-            Response::Cie1931 => scaled.collect(),
-            Response::Srgb => {
+            ObserverResponse::Cie1931 => scaled.collect(),
+            ObserverResponse::Srgb => {
                 // The white of the closed forms is that of sRGB to a few thousandths; it becomes 1, 1, 1.
                 let by = rgb_from_xyz(white.map(|v| v / y));
                 scaled.map(rgb_from_xyz).map(|w| [0, 1, 2].map(|c| w[c] / by[c])).collect()
@@ -114,7 +114,7 @@ impl Response {
 mod tests {
     use super::*;
 
-    fn seen(response: Response, wavelengths: &[f64], of: impl Fn(f64) -> f64) -> [f64; 3] {
+    fn seen(response: ObserverResponse, wavelengths: &[f64], of: impl Fn(f64) -> f64) -> [f64; 3] {
         let weights = response.weights(wavelengths).unwrap();
         [0, 1, 2].map(|c| weights.iter().zip(wavelengths).map(|(w, nm)| w[c] * of(*nm)).sum())
     }
@@ -136,7 +136,7 @@ mod tests {
             let found = matching(nm);
             assert!((0..3).all(|c| (found[c] - want[c]).abs() < 0.025), "{nm}: {found:?} {want:?}");
         }
-        let [x, y, z] = seen(Response::Cie1931, &every(5), |_| 1.0);
+        let [x, y, z] = seen(ObserverResponse::Cie1931, &every(5), |_| 1.0);
         assert!((y - 1.0).abs() < 1e-12);
         let sum = x + y + z;
         assert!((x / sum - 0.31272).abs() < 1.5e-3 && (y / sum - 0.32903).abs() < 1.5e-3, "{} {}", x / sum, y / sum);
@@ -146,25 +146,26 @@ mod tests {
     /// are red, and a share of white is that share.
     #[test]
     fn colours_are_those_of_the_spectrum() {
-        let white = seen(Response::Srgb, &every(10), |_| 0.37);
+        let white = seen(ObserverResponse::Srgb, &every(10), |_| 0.37);
         assert!(white.iter().all(|v| (v - 0.37).abs() < 1e-12), "{white:?}");
         let leaf =
             |nm: f64| 0.05 + 0.1 * (-((nm - 550.0) / 40.0).powi(2)).exp() + 0.4 / (1.0 + (-(nm - 700.0) / 8.0).exp());
-        let (fine, coarse) = (seen(Response::Srgb, &every(1), leaf), seen(Response::Srgb, &every(20), leaf));
+        let (fine, coarse) =
+            (seen(ObserverResponse::Srgb, &every(1), leaf), seen(ObserverResponse::Srgb, &every(20), leaf));
         assert!(fine[1] > fine[0] && fine[0] > fine[2], "{fine:?}");
         assert!((0..3).all(|c| (fine[c] - coarse[c]).abs() < 2e-3), "{fine:?} {coarse:?}");
-        let red = seen(Response::Srgb, &every(1), |nm| if nm > 620.0 { 1.0 } else { 0.0 });
+        let red = seen(ObserverResponse::Srgb, &every(1), |nm| if nm > 620.0 { 1.0 } else { 0.0 });
         assert!(red[0] > 0.3 && red[1].abs() < 0.05 && red[2].abs() < 0.05, "{red:?}");
     }
 
     #[test]
     fn readings_that_do_not_cover_the_bands_are_refused() {
-        let said = |list: &[f64]| Response::Srgb.weights(list).unwrap_err();
+        let said = |list: &[f64]| ObserverResponse::Srgb.weights(list).unwrap_err();
         assert!(said(&[]).contains("no reading"));
         assert!(said(&[450.0, 550.0, 650.0]).contains("between 450 and 550 nm"));
         let narrow: Vec<f64> = (450..=650).step_by(10).map(f64::from).collect();
         assert!(said(&narrow).contains("from 450 to 650 nm"));
         let enough: Vec<f64> = (400..=700).step_by(10).map(f64::from).collect();
-        assert!(Response::Srgb.weights(&enough).is_ok());
+        assert!(ObserverResponse::Srgb.weights(&enough).is_ok());
     }
 }

@@ -5,7 +5,7 @@
 //! m or less, where a changes fastest. The grid is refined until the error between its points is small; `error` keeps
 //! the error that was found.
 
-use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, Reflect};
+use super::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, ReflectionLobe};
 use rayon::prelude::*;
 
 /// a(N·v, m) for one lobe over a range of slopes.

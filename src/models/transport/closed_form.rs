@@ -5,16 +5,16 @@
 //! renderer. Limits: only the sun's centre counts, which is an error of the order of its radius squared over m²
 //! (2e-5/m² for the real sun).
 
-use super::lobe::{COS_VIEW_FLOOR, Lobe, Reflect};
-use super::render::Lens;
-use super::world::{Camera, ReferenceSun};
+use super::lobe::{COS_VIEW_FLOOR, Lobe, ReflectionLobe};
+use super::renderer::CameraRays;
+use super::world::{ReferenceCamera, ReferenceSun};
 use crate::Result;
 use glam::DVec3;
 use std::f64::consts::PI;
 
 /// A uniform leaf as seen from one of its sides.
 #[derive(Debug, Clone, Copy)]
-pub struct Card {
+pub struct FlatLeaf {
     /// ρd (with γ), ρs and m of the side that is seen.
     pub rho_d: [f64; 3],
     /// ρs of the gloss, for each channel.
@@ -29,7 +29,7 @@ pub struct Card {
     pub normal: DVec3,
 }
 
-impl Card {
+impl FlatLeaf {
     /// Radiance towards the unit vector `view` (which must lie on the normal's side).
     pub fn radiance(&self, view: DVec3, sun: Option<&ReferenceSun>, sky: Option<[f64; 3]>) -> [f64; 3] {
         let normal = self.normal.normalize();
@@ -104,13 +104,13 @@ impl Card {
     /// The radiance at the centre of pixel (x, y), in a picture that shows the card there.
     pub fn pixel(
         &self,
-        camera: &Camera,
+        camera: &ReferenceCamera,
         size: (usize, usize),
         pixel: (usize, usize),
         sun: Option<&ReferenceSun>,
         sky: Option<[f64; 3]>,
     ) -> Result<[f64; 3]> {
-        let ray = Lens::new(camera, size.0, size.1)?.ray(pixel.0 as f64 + 0.5, pixel.1 as f64 + 0.5);
+        let ray = CameraRays::new(camera, size.0, size.1)?.ray(pixel.0 as f64 + 0.5, pixel.1 as f64 + 0.5);
         Ok(self.radiance(-ray.direction, sun, sky))
     }
 }

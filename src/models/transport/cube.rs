@@ -7,7 +7,7 @@
 use super::environment::Environment;
 use super::visibility::directions::{on_face, place};
 use super::visibility::light::{AreaLight, frame};
-use super::world::World;
+use super::world::ReferenceWorld;
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_sky::panorama;
@@ -30,7 +30,7 @@ impl CubeLight {
     ///
     /// # Errors
     /// [`Error::Usage`] for a side that is no power of two up to 512, or for an impossible radius of the sun.
-    pub fn new(world: &World, side: usize) -> Result<CubeLight> {
+    pub fn new(world: &ReferenceWorld, side: usize) -> Result<CubeLight> {
         if !side.is_power_of_two() || side > 512 {
             return Err(Error::Usage(format!("a cube of side {side}, expected a power of two up to 512")));
         }
@@ -162,9 +162,9 @@ mod tests {
     use crate::world::ReferenceSun;
     use std::f64::consts::PI;
 
-    fn world() -> World {
+    fn world() -> ReferenceWorld {
         let sun = ReferenceSun { direction: DVec3::new(0.3, -0.5, 0.8), irradiance: [3.0, 2.0, 1.0], radius: 0.00465 };
-        World { sun: Some(sun), sky: Some([0.25, 0.5, 1.0]), ..World::default() }
+        ReferenceWorld { sun: Some(sun), sky: Some([0.25, 0.5, 1.0]), ..ReferenceWorld::default() }
     }
 
     /// The sum over the texels is the sun's irradiance plus 4π times the sky's radiance.

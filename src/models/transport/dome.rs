@@ -17,7 +17,7 @@ pub type RadianceAt = Arc<dyn Fn(DVec3) -> [f64; 3] + Send + Sync>;
 
 /// A sky that depends on direction. Nothing shades it.
 #[derive(Clone)]
-pub struct Dome {
+pub struct ReferenceDome {
     /// The radiance that lights the leaves.
     pub radiance: RadianceAt,
     /// The radiance that is drawn below the horizon, where that is one colour.
@@ -27,7 +27,7 @@ pub struct Dome {
     pub nodes: Option<Arc<Vec<(DVec3, [f64; 3])>>>,
 }
 
-impl std::fmt::Debug for Dome {
+impl std::fmt::Debug for ReferenceDome {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Dome")
     }
@@ -38,7 +38,7 @@ pub(super) const ABOVE: u32 = 0;
 pub(super) const BELOW: u32 = u32::MAX - 1;
 pub(super) const DISK: u32 = u32::MAX - 2;
 
-impl Dome {
+impl ReferenceDome {
     /// The radiance that is seen in a direction, without the sun. A model's blue may be slightly negative, which is 0.
     pub fn behind(&self, d: DVec3) -> [f64; 3] {
         let below = self.seen_below.filter(|_| d.z <= 0.0);
@@ -75,7 +75,7 @@ const SPOKES: usize = 120;
 
 impl IrradianceMap {
     /// Integrates `dome` for every normal of the grid.
-    pub fn new(dome: &Dome) -> IrradianceMap {
+    pub fn new(dome: &ReferenceDome) -> IrradianceMap {
         let own = || Arc::new(nodes(dome));
         let nodes = dome.nodes.clone().unwrap_or_else(own);
         let values = (0..RINGS * SPOKES)
@@ -104,7 +104,7 @@ impl IrradianceMap {
 }
 
 /// Nodes of a product rule over the sphere.
-fn nodes(dome: &Dome) -> Vec<(DVec3, [f64; 3])> {
+fn nodes(dome: &ReferenceDome) -> Vec<(DVec3, [f64; 3])> {
     let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
     // Nodes with z = ±t² are dense near the horizon, where skies change fastest and the ground begins.
     for (sign, rings, spokes) in [(1.0, 80, 192), (-1.0, 64, 96)] {
@@ -149,13 +149,15 @@ pub fn reflected(lobe: Lobe, n: DVec3, v: DVec3, m: f64, [u, w]: [f64; 2]) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lobe::Reflect;
+    use crate::lobe::ReflectionLobe;
 
     /// The irradiance of a linear sky is π + 2π/3 a·n; that of a uniform upper half is π (1 + cosθ)/2.
     #[test]
     fn irradiance_meets_its_closed_forms() {
         let a = DVec3::new(0.3, -0.5, 0.6);
-        let of = |radiance: RadianceAt| IrradianceMap::new(&Dome { radiance, seen_below: Some([0.0; 3]), nodes: None });
+        let of = |radiance: RadianceAt| {
+            IrradianceMap::new(&ReferenceDome { radiance, seen_below: Some([0.0; 3]), nodes: None })
+        };
         let linear = of(Arc::new(move |d| [1.0 + a.dot(d); 3]));
         let half = of(Arc::new(|d| if d.z > 0.0 { [1.0; 3] } else { [0.0; 3] }));
         for k in 0..200 {

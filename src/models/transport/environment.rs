@@ -3,12 +3,12 @@
 //! The picture is a panorama as [`mesophyll_sky::panorama`] says. Between the centres of texels the radiance is
 //! interpolated bilinearly. It wraps around in azimuth, and is constant beyond the first and the last row.
 
-use super::sphere_density::{Cell, SphereDensity};
+use super::sphere_density::{DirectionCell, SphereDensity};
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_files::memory;
-use mesophyll_files::picture::{self, RGB, Request};
-use mesophyll_sky::harmonics::{Basis, Coefficients};
+use mesophyll_files::picture::{self, PictureRequest, RGB};
+use mesophyll_sky::harmonics::{HarmonicBasis, HarmonicCoefficients};
 use mesophyll_sky::panorama;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -70,8 +70,8 @@ impl Environment {
             let needed = (12 * columns * rows) as u64 + 2 * SphereDensity::bytes(columns, rows);
             memory::require(needed, &format!("the environment map {}", path.display()))
         };
-        let picture::Linear { maps, mut said } =
-            picture::read(path, &Request { names: &RGB, all: false, outside: 0.0 }, fits)?;
+        let picture::LinearPicture { maps, mut said } =
+            picture::read(path, &PictureRequest { names: &RGB, all: false, outside: 0.0 }, fits)?;
         let columns = maps.width;
         let mut texels: Vec<[f32; 3]> =
             (0..columns * maps.height).map(|k| [0, 1, 2].map(|c| maps.channels[c].1[k])).collect();
@@ -147,10 +147,10 @@ impl Environment {
     }
 
     /// N² coefficients of the radiance in real orthonormal harmonics, in world directions.
-    pub fn harmonics(&self, bands: usize) -> Coefficients {
+    pub fn harmonics(&self, bands: usize) -> HarmonicCoefficients {
         let map = self.reduced(SUMMED);
-        let (basis, mut values) = (Basis::new(bands), vec![0.0; bands * bands]);
-        let mut out = Coefficients::zero(bands);
+        let (basis, mut values) = (HarmonicBasis::new(bands), vec![0.0; bands * bands]);
+        let mut out = HarmonicCoefficients::zero(bands);
         for ((d, size), texel) in map.centres().zip(&map.texels) {
             basis.fill(d.to_array(), &mut values);
             for (sum, value) in out.values_mut().iter_mut().zip(&values) {
@@ -162,7 +162,7 @@ impl Environment {
 
     /// Radiance from a unit direction.
     pub fn at(&self, d: DVec3) -> [f64; 3] {
-        let cell = Cell::of(d, self.columns, self.rows, self.turn);
+        let cell = DirectionCell::of(d, self.columns, self.rows, self.turn);
         [0, 1, 2].map(|c| cell.mix(|i, j| f64::from(self.texels[j * self.columns + i][c])))
     }
 

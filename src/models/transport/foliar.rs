@@ -10,11 +10,11 @@
 //! - [`Model::Abm`]: each scattering follows a ray through the layers. The density of its direction cannot be
 //!   evaluated, so lights are found only by rays that hit them.
 
-use crate::lobe::Reflect;
+use crate::lobe::ReflectionLobe;
 use glam::DVec3;
-use mesophyll_optics::foliar::fsm::{self, ROWS, Row, Shares, Turned};
+use mesophyll_optics::foliar::fsm::{self, FoliarRow, FoliarShares, ROWS, TiltedLobe};
 use mesophyll_optics::foliar::goniometer::{self, RINGS, SECTORS};
-use mesophyll_optics::foliar::{Leaf, lobe, ray};
+use mesophyll_optics::foliar::{LayeredLeaf, lobe, ray};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -22,7 +22,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// The choice between the two models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Model {
+pub enum FoliarModel {
     /// A table and lobes.
     #[default]
     Fsm,
@@ -32,18 +32,18 @@ pub enum Model {
 
 /// A leaf that is the same everywhere. Its front is the adaxial side.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Foliar {
-    model: Model,
+pub struct FoliarMaterial {
+    model: FoliarModel,
     /// The leaf for each channel.
-    leaves: [Leaf; 3],
-    table: Vec<Row>,
+    leaves: [LayeredLeaf; 3],
+    table: Vec<FoliarRow>,
     /// For each degree of incidence, the share of first draws around the mirror direction that stay on their side.
     acceptance: Vec<f64>,
 }
 
 /// The scattering at a point that a path meets, as shares for each channel.
 #[derive(Debug, Clone, Copy)]
-pub struct Met {
+pub struct FoliarScattering {
     /// Diffuse share on the side that the path came from.
     pub diffuse: [f64; 3],
     /// Diffuse share on the other side.
@@ -56,12 +56,12 @@ pub struct Met {
     acceptance: f64,
     /// Share that turned back before the mesophyll; the next field is its lobe.
     pub turned: f64,
-    lobe: Turned,
+    lobe: TiltedLobe,
 }
 
 /// The leaf for renderers that know only matte leaves with a gloss.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StandIn {
+pub struct MatteLeaf {
     /// Diffuse reflectance of the front and of the back, without the light that is mirrored at the face.
     pub rho_d: [[f64; 3]; 2],
     /// Transmittance, the same in both directions.
@@ -74,7 +74,7 @@ pub struct StandIn {
     pub index: f64,
 }
 
-impl Met {
+impl FoliarScattering {
     /// Densities (1/sr) of the light that is reflected at the face, and of the light that turned back, in a unit
     /// direction on the lit side. `cos` is its cosine to the normal, `mirror` to the mirror direction, and `forward`
     /// its component along the mirror's side of the leaf.
@@ -98,22 +98,22 @@ impl Met {
     }
 }
 
-impl Foliar {
+impl FoliarMaterial {
     /// A leaf, by its layers for red, green and blue. `None` where the exact method does not converge (see
     /// [`mesophyll_optics::foliar::exact`]), and for a lobe of infinite oblateness on the faces, which has no density.
-    pub fn new(model: Model, leaves: [Leaf; 3]) -> Option<Foliar> {
+    pub fn new(model: FoliarModel, leaves: [LayeredLeaf; 3]) -> Option<FoliarMaterial> {
         let oblateness = leaves[1].oblateness.cuticle;
         if oblateness.is_infinite() {
             return None;
         }
         let table = fsm::rows(&leaves)?;
         let acceptance = (0..=90).map(|k| lobe::acceptance(f64::from(k).to_radians(), oblateness)).collect();
-        Some(Foliar { model, leaves, table, acceptance })
+        Some(FoliarMaterial { model, leaves, table, acceptance })
     }
 
     /// FSM as in the paper, where light that turned back before the mesophyll is diffuse too.
-    pub fn of_paper(&self) -> Foliar {
-        let mut out = Foliar { model: Model::Fsm, ..self.clone() };
+    pub fn of_paper(&self) -> FoliarMaterial {
+        let mut out = FoliarMaterial { model: FoliarModel::Fsm, ..self.clone() };
         for row in &mut out.table {
             row.diffuse.iter_mut().for_each(|d| *d += row.turned);
             row.turned = 0.0;
@@ -122,20 +122,20 @@ impl Foliar {
     }
 
     /// The same leaf by another model.
-    pub fn by(&self, model: Model) -> Foliar {
-        Foliar { model, ..self.clone() }
+    pub fn by(&self, model: FoliarModel) -> FoliarMaterial {
+        FoliarMaterial { model, ..self.clone() }
     }
 
     /// The model by which it is drawn.
-    pub fn model(&self) -> Model {
+    pub fn model(&self) -> FoliarModel {
         self.model
     }
 
     /// The leaf for a renderer that knows only matte leaves with a gloss. Its diffuse shares are means under light from
     /// everywhere. Its gloss is the nearest one to the reflection at the faces.
-    pub fn stand_in(&self) -> StandIn {
+    pub fn stand_in(&self) -> MatteLeaf {
         // ∫ 2 sin θ cos θ of a quantity of the rows, in whole degrees.
-        let mean = |back: bool, share: &dyn Fn(f64, &Row) -> f64| {
+        let mean = |back: bool, share: &dyn Fn(f64, &FoliarRow) -> f64| {
             let (mut sum, mut weight) = (0.0, 0.0);
             for k in 0..=90 {
                 let angle = (k as f64).to_radians();
@@ -156,7 +156,7 @@ impl Foliar {
             both.min(1.0 - mirrored - front[c]).min(1.0 - mirrored - back[c])
         });
         let (rho_s, m) = self.nearest_gloss();
-        StandIn { rho_d: [front, back], rho_t, rho_s, m, index: self.leaves[1].n_cuticle }
+        MatteLeaf { rho_d: [front, back], rho_t, rho_s, m, index: self.leaves[1].n_cuticle }
     }
 
     /// ρs for each channel, and the slope m (to .01), of the Cook–Torrance lobe that is nearest to the face's
@@ -202,26 +202,26 @@ impl Foliar {
             .map(|(m, (misfit, scale))| (misfit, scale, m))
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap_or((0.0, 0.0, 1.0));
-        let of_green = |leaf: &Leaf| scale * leaf.surface_reflectance(0.0) / green.surface_reflectance(0.0);
+        let of_green = |leaf: &LayeredLeaf| scale * leaf.surface_reflectance(0.0) / green.surface_reflectance(0.0);
         (self.leaves.each_ref().map(of_green), m)
     }
 
     /// The scattering for a path that comes from the unit direction `view` onto the side with the normal `normal`.
-    pub fn meet(&self, view: DVec3, normal: DVec3, back: bool) -> Met {
+    pub fn meet(&self, view: DVec3, normal: DVec3, back: bool) -> FoliarScattering {
         let incidence = normal.cross(view).length().atan2(normal.dot(view)).clamp(0.0, FRAC_PI_2);
         let at = (if back { PI - incidence } else { incidence }).to_degrees();
         let (k, t) = place(at, ROWS);
         let [a, b] = [&self.table[k], &self.table[k + 1]];
         let mix = |x: f64, y: f64| x + t * (y - x);
         let (k, u) = place(incidence.to_degrees(), self.acceptance.len());
-        Met {
+        FoliarScattering {
             diffuse: [0, 1, 2].map(|c: usize| mix(a.diffuse[c], b.diffuse[c])),
             through: [0, 1, 2].map(|c: usize| mix(a.through[c], b.through[c])),
             surface: self.leaves.each_ref().map(|leaf| leaf.surface_reflectance(incidence)),
             oblateness: self.leaves[1].oblateness.cuticle,
             acceptance: self.acceptance[k] + u * (self.acceptance[k + 1] - self.acceptance[k]),
             turned: mix(a.turned, b.turned),
-            lobe: Turned { rise: mix(a.lobe.rise, b.lobe.rise), lean: mix(a.lobe.lean, b.lobe.lean) },
+            lobe: TiltedLobe { rise: mix(a.lobe.rise, b.lobe.rise), lean: mix(a.lobe.lean, b.lobe.lean) },
         }
     }
 
@@ -231,8 +231,11 @@ impl Foliar {
         let back = side == Side::Back;
         let view = DVec3::new(incidence.sin(), 0.0, incidence.cos());
         let met = self.meet(view, DVec3::Z, back);
-        let shares =
-            Shares { surface: met.surface[channel], diffuse: met.diffuse[channel], through: met.through[channel] };
+        let shares = FoliarShares {
+            surface: met.surface[channel],
+            diffuse: met.diffuse[channel],
+            through: met.through[channel],
+        };
         let patch = |k: usize| {
             let (ring, sector) = (k / SECTORS, k % SECTORS);
             let rest = fsm::patch(incidence, met.oblateness, shares, ring, sector);

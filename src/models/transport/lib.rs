@@ -11,26 +11,26 @@
 pub mod albedo;
 pub mod closed_form;
 #[cfg(feature = "render")]
-pub mod compare;
+pub mod comparison;
 pub mod cube;
+mod culling;
 pub mod dome;
 pub mod environment;
 pub mod foliar;
 pub mod lobe;
 pub mod lookup;
-#[cfg(test)]
-mod made_up;
 pub mod path;
 pub mod quadrature;
 pub mod rays;
-pub mod render;
-mod repeat;
-pub mod scan;
+pub mod renderer;
+mod repetition;
+pub mod scanner;
 mod seeds;
-mod shade;
-mod shown;
+mod shading;
 mod sphere_density;
 mod stage;
+#[cfg(test)]
+mod test_worlds;
 pub mod tone;
 pub mod transfer;
 pub mod visibility;
@@ -38,12 +38,13 @@ pub mod world;
 
 pub use crate::rays as accelerate;
 
-pub use dome::{Dome, RadianceAt};
-pub use render::{Options, ReferencePicture, Renderer, render};
-pub use shown::shown;
+pub use culling::shown;
+pub use dome::{RadianceAt, ReferenceDome};
+pub use renderer::{Options, ReferencePicture, ReferenceRenderer, render};
 pub use world::{
-    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide,
-    ReferenceSun, Scanner, SlabAt, Sunlit, Through, World,
+    NormalFrame, NormalMap, ReferenceCamera, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh,
+    ReferencePlacement, ReferenceScanner, ReferenceSide, ReferenceSun, ReferenceWorld, SlabAt, SunTransmission,
+    SunlitMaps,
 };
 
 pub(crate) use mesophyll_base::error::{Error, Result};

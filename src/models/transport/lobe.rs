@@ -17,7 +17,7 @@ pub const M_FLOOR: f64 = 1e-3;
 
 /// The lobe with which scenes are lit: bounded by G, with the same smallest values as in the renderer, and with its
 /// albedo by quadrature. D and F are those of [`Lobe`]; the renderer's shader computes them independently.
-pub trait Reflect: Copy {
+pub trait ReflectionLobe: Copy {
     /// D (1/sr), the density of the facets' slopes, where ∫ D cosα dω = 1. `cos` is cosα = N·h > 0.
     fn density(self, cos: f64, m: f64) -> f64;
 
@@ -36,7 +36,7 @@ pub trait Reflect: Copy {
     fn directional_albedo(self, cos_view: f64, m: f64) -> f64;
 }
 
-impl Reflect for Lobe {
+impl ReflectionLobe for Lobe {
     fn density(self, cos: f64, m: f64) -> f64 {
         let cos2 = cos * cos;
         self.distribution((1.0 - cos2).max(0.0) / cos2, m)

@@ -3,19 +3,19 @@
 
 /// Four texels and their weights, which sum to 1.
 #[derive(Debug, Clone, Copy)]
-pub struct Taps {
+pub struct TexelTaps {
     at: [usize; 4],
     weight: [f64; 4],
 }
 
-impl Taps {
+impl TexelTaps {
     /// The texels around (u, v) of a `width`×`height` map. With `mirrored`, column `width−1−i` is read instead of i, as
     /// the back's maps need it.
-    pub fn new(u: f64, v: f64, width: usize, height: usize, mirrored: bool) -> Taps {
+    pub fn new(u: f64, v: f64, width: usize, height: usize, mirrored: bool) -> TexelTaps {
         let (i, j, fx) = axis(u, width);
         let (row, below, fy) = axis(v, height);
         let (i, j) = if mirrored { (width - 1 - i, width - 1 - j) } else { (i, j) };
-        Taps {
+        TexelTaps {
             at: [row * width + i, row * width + j, below * width + i, below * width + j],
             weight: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
         }
@@ -84,19 +84,19 @@ mod tests {
     #[test]
     fn centres_edges_and_between() {
         let map = [0.0, 1.0, 2.0, 3.0, 10.0, 11.0, 12.0, 13.0];
-        let look = |u: f64, v: f64| Taps::new(u, v, 4, 2, false).scalar(&map);
+        let look = |u: f64, v: f64| TexelTaps::new(u, v, 4, 2, false).scalar(&map);
         for i in 0..4 {
             let u = (i as f64 + 0.5) / 4.0;
             assert!((look(u, 0.25) - i as f64).abs() < 1e-12);
             assert!((look(u, 0.5) - (i as f64 + 5.0)).abs() < 1e-12);
             // The back is the mirror image.
-            let mirrored = Taps::new(u, 0.25, 4, 2, true).scalar(&map);
+            let mirrored = TexelTaps::new(u, 0.25, 4, 2, true).scalar(&map);
             assert!((mirrored - (3 - i) as f64).abs() < 1e-12);
-            assert!((Taps::new(1.0 - u, 0.25, 4, 2, false).scalar(&map) - mirrored).abs() < 1e-12);
+            assert!((TexelTaps::new(1.0 - u, 0.25, 4, 2, false).scalar(&map) - mirrored).abs() < 1e-12);
         }
         assert_eq!(look(-3.0, 0.0), 0.0);
         assert_eq!(look(7.0, 9.0), 13.0);
         assert!((look(0.5, 0.25) - 1.5).abs() < 1e-12);
-        assert_eq!(Taps::new(0.5, 0.5, 1, 1, true).scalar(&[4.0]), 4.0);
+        assert_eq!(TexelTaps::new(0.5, 0.5, 1, 1, true).scalar(&[4.0]), 4.0);
     }
 }

@@ -5,17 +5,17 @@ use std::sync::OnceLock;
 
 /// Nodes and weights on [−1, 1].
 #[derive(Debug, Clone)]
-pub struct Rule {
+pub struct QuadratureRule {
     /// The places where the function is evaluated.
     pub nodes: Vec<f64>,
     /// The weight of each node; they sum to 2.
     pub weights: Vec<f64>,
 }
 
-impl Rule {
+impl QuadratureRule {
     /// The `n`-point Gauss–Legendre rule, exact for polynomials of degree 2n−1, by Newton's method on P_n.
-    pub fn legendre(n: usize) -> Rule {
-        let mut rule = Rule { nodes: Vec::with_capacity(n), weights: Vec::with_capacity(n) };
+    pub fn legendre(n: usize) -> QuadratureRule {
+        let mut rule = QuadratureRule { nodes: Vec::with_capacity(n), weights: Vec::with_capacity(n) };
         for i in 0..n {
             let mut x = -(PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
             let mut slope = 1.0;
@@ -46,9 +46,9 @@ impl Rule {
 }
 
 /// The 16-point rule, computed once.
-pub(crate) fn sixteen() -> &'static Rule {
-    static RULE: OnceLock<Rule> = OnceLock::new();
-    RULE.get_or_init(|| Rule::legendre(16))
+pub(crate) fn sixteen() -> &'static QuadratureRule {
+    static RULE: OnceLock<QuadratureRule> = OnceLock::new();
+    RULE.get_or_init(|| QuadratureRule::legendre(16))
 }
 
 /// ∫ f over [a, b]. Intervals are halved until one and two 16-point rules agree to `tolerance`, which is absolute and
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn rules_are_exact_for_polynomials_and_kinks_are_found() {
         for n in [1, 2, 5, 16, 33] {
-            let rule = Rule::legendre(n);
+            let rule = QuadratureRule::legendre(n);
             let degree = 2 * n as i32 - 1;
             let value = rule.integrate(0.0, 1.0, |x| x.powi(degree));
             assert!((value * f64::from(degree + 1) - 1.0).abs() < 1e-13, "n {n}: {value}");

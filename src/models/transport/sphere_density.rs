@@ -31,7 +31,7 @@ pub struct SphereDensity {
 
 /// The cell of a map of W columns and H rows that contains a direction, and the place in it.
 #[derive(Debug, Clone, Copy)]
-pub struct Cell {
+pub struct DirectionCell {
     /// The columns of texels left and right of the point.
     pub columns: [usize; 2],
     /// The rows of texels above and below the point.
@@ -40,15 +40,15 @@ pub struct Cell {
     pub at: [f64; 2],
 }
 
-impl Cell {
+impl DirectionCell {
     /// The cell that contains a unit direction, in a map that is turned by so many whole turns.
-    pub fn of(d: DVec3, columns: usize, rows: usize, turn: f64) -> Cell {
+    pub fn of(d: DVec3, columns: usize, rows: usize, turn: f64) -> DirectionCell {
         let [u, v] = panorama::place(d.to_array());
         let (x, y) = ((u + turn) * columns as f64 - 0.5, v * rows as f64 - 0.5);
         let (i, j) = (x.floor(), y.floor());
         let wrap = |i: f64| (i as isize).rem_euclid(columns as isize) as usize;
         let clamp = |j: f64| (j.max(0.0) as usize).min(rows - 1);
-        Cell { columns: [wrap(i), wrap(i + 1.0)], rows: [clamp(j), clamp(j + 1.0)], at: [x - i, y - j] }
+        DirectionCell { columns: [wrap(i), wrap(i + 1.0)], rows: [clamp(j), clamp(j + 1.0)], at: [x - i, y - j] }
     }
 
     /// Bilinear interpolation of the values of `texel(column, row)`.
@@ -104,7 +104,7 @@ impl SphereDensity {
 
     /// Probability density (1/sr) of a unit direction.
     pub fn of(&self, d: DVec3) -> f64 {
-        let cell = Cell::of(d, self.columns, self.rows, self.turn);
+        let cell = DirectionCell::of(d, self.columns, self.rows, self.turn);
         let [_, zenith] = panorama::place(d.to_array());
         let row = ((zenith * self.rows as f64 + 0.5) as usize).min(self.rows);
         let value = cell.mix(|i, j| f64::from(self.values[j * self.columns + i]));

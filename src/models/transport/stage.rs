@@ -2,17 +2,19 @@
 //!
 //! Both CPU renderers use it: the direct-light reference ([`super::render`]) and the path tracer ([`super::path`]).
 
-use super::accelerate::{Forest, Hit, Ray, Shape, fetch};
-use super::foliar::Foliar;
-use super::lookup::{Taps, texels};
-use super::repeat::{Repeat, repeated};
-use super::world::{Interior, NormalFrame, Placement, ReferenceLeaf, ReferenceSide, Sunlit, World};
+use super::accelerate::{InstanceForest, Ray, RayHit, TriangleTree, fetch};
+use super::foliar::FoliarMaterial;
+use super::lookup::{TexelTaps, texels};
+use super::repetition::{Repeat, repeated};
+use super::world::{
+    NormalFrame, ReferenceInterior, ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceWorld, SunlitMaps,
+};
 use glam::{DMat3, DVec2, DVec3, DVec4};
 
 /// A world with its trees of boxes.
 pub(super) struct Stage<'a> {
-    pub world: &'a World,
-    forest: Forest,
+    pub world: &'a ReferenceWorld,
+    forest: InstanceForest,
     repeat: Option<Repeat>,
     /// For each instance of the forest, the index of the world's instance. Where the world repeats, several have the
     /// same.
@@ -35,15 +37,15 @@ pub(super) enum SideBy {
 
 impl<'a> Stage<'a> {
     /// `world` must have passed [`World::validate`].
-    pub fn new(world: &'a World) -> Stage<'a> {
-        let shape = |l: &ReferenceLeaf| Shape::with_solid(&l.mesh.positions, &l.mesh.indices, |t| solid(l, t));
+    pub fn new(world: &'a ReferenceWorld) -> Stage<'a> {
+        let shape = |l: &ReferenceLeaf| TriangleTree::with_solid(&l.mesh.positions, &l.mesh.indices, |t| solid(l, t));
         let shapes = world.leaves.iter().map(shape).collect();
         let mut placed: Vec<_> = world.instances.iter().map(|p| (p.leaf, p.transform)).collect();
         let mut instance: Vec<usize> = (0..placed.len()).collect();
         if let Some(size) = world.periodic {
             (placed, instance) = repeated(world, size);
         }
-        let forest = Forest::new(shapes, &placed);
+        let forest = InstanceForest::new(shapes, &placed);
         let turn = world.instances.iter().map(rotation).collect();
         // Far from the origin, the spacing of floating-point coordinates matters more than the size of the scene.
         let farthest = forest.bounds().map_or(0.0, |[low, high]| low.abs().max(high.abs()).max_element());
@@ -61,7 +63,7 @@ impl<'a> Stage<'a> {
     }
 
     /// The B1 model of an instance; `None` if it has none.
-    pub fn foliar(&self, instance: usize) -> Option<&'a Foliar> {
+    pub fn foliar(&self, instance: usize) -> Option<&'a FoliarMaterial> {
         self.world.foliar.get(self.world.instances[instance].leaf)?.as_deref()
     }
 
@@ -97,12 +99,12 @@ impl<'a> Stage<'a> {
         self.nearest_of(rays, |rays| self.forest.nearest_of_neighbours(rays, |i, t, b| self.on_leaf(i, t, b)))
     }
 
-    fn nearest_of(&self, rays: &[Ray], find: impl FnOnce(&[Ray]) -> Vec<Option<Hit>>) -> Vec<Option<Met>> {
+    fn nearest_of(&self, rays: &[Ray], find: impl FnOnce(&[Ray]) -> Vec<Option<RayHit>>) -> Vec<Option<Met>> {
         if self.repeat.is_some() {
             return rays.iter().map(|ray| self.nearest(ray)).collect();
         }
-        let met = |(ray, hit): (&Ray, Option<Hit>)| {
-            hit.map(|hit| Met { ray: *ray, hit: Hit { instance: self.instance[hit.instance], ..hit } })
+        let met = |(ray, hit): (&Ray, Option<RayHit>)| {
+            hit.map(|hit| Met { ray: *ray, hit: RayHit { instance: self.instance[hit.instance], ..hit } })
         };
         rays.iter().zip(find(rays)).map(met).collect()
     }
@@ -154,7 +156,7 @@ impl<'a> Stage<'a> {
         }
         let Some(mask) = &leaf.mask else { return true };
         let uv = texture_point(leaf, triangle, barycentric);
-        Taps::new(uv.x, uv.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
+        TexelTaps::new(uv.x, uv.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
     }
 
     /// The surface where a ray (of unit direction) hit.
@@ -193,7 +195,7 @@ impl<'a> Stage<'a> {
 
     /// How the sun's light passes through the leaf at `surface`, from the far side to the viewed one. `None` if no map
     /// describes it, so that the cosine with the mapped normal applies.
-    pub fn sunlit(&self, surface: &Surface) -> Option<&'a Sunlit> {
+    pub fn sunlit(&self, surface: &Surface) -> Option<&'a SunlitMaps> {
         self.world.through.get(surface.instance)?.entering[usize::from(!surface.back)].as_ref()
     }
 }
@@ -201,7 +203,7 @@ impl<'a> Stage<'a> {
 /// A hit and its ray. Where the scene repeats, the ray was shifted into the cell around the origin.
 pub(super) struct Met {
     pub ray: Ray,
-    pub hit: Hit,
+    pub hit: RayHit,
 }
 
 /// A point where a ray hit a leaf. The "viewed" side is the one that the ray came from, and the "far" side is the other
@@ -247,8 +249,8 @@ impl<'a> Surface<'a> {
     }
 
     /// Where the maps of the viewed side are read, or of the far side.
-    pub fn taps(&self, far: bool) -> Taps {
-        Taps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, self.back != far)
+    pub fn taps(&self, far: bool) -> TexelTaps {
+        TexelTaps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, self.back != far)
     }
 
     /// The mapped normal of the viewed side.
@@ -264,7 +266,7 @@ impl<'a> Surface<'a> {
     fn mapped(&self, side: &ReferenceSide, back: bool) -> DVec3 {
         let plain = if back { -self.front_normal } else { self.front_normal };
         let Some(map) = &side.normal else { return plain };
-        let taps = Taps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, back);
+        let taps = TexelTaps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, back);
         let [x, y, z] = taps.vector(&map.values);
         let (x, z) = if back { (-x, -z) } else { (x, z) };
         let local = match map.frame {
@@ -304,19 +306,19 @@ impl<'a> Surface<'a> {
 
     /// The factor that replaces ρt times a cosine, where maps describe how the sun's light passes; `rho_t` is
     /// [`Surface::rho_t`].
-    pub fn through(&self, sunlit: &Sunlit, rho_t: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
+    pub fn through(&self, sunlit: &SunlitMaps, rho_t: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
         match sunlit {
-            Sunlit::Factor(map) => {
+            SunlitMaps::Factor(map) => {
                 let f = self.taps(true).scalar(map).max(0.0);
                 rho_t().map(|r| r * f)
             }
-            Sunlit::Colour(maps) => self.taps(true).colour(maps).map(|m| m.max(0.0)),
+            SunlitMaps::Colour(maps) => self.taps(true).colour(maps).map(|m| m.max(0.0)),
         }
     }
 }
 
 /// The rotation of a placement, without its scale.
-pub(super) fn rotation(placed: &Placement) -> DMat3 {
+pub(super) fn rotation(placed: &ReferencePlacement) -> DMat3 {
     let m = DMat3::from_mat4(placed.transform);
     m * (1.0 / m.determinant().abs().cbrt())
 }
@@ -346,19 +348,19 @@ fn solid(leaf: &ReferenceLeaf, triangle: usize) -> bool {
     rows.into_iter().all(|j| mask[j * leaf.width..][columns.clone()].iter().all(|on| *on != 0))
 }
 
-fn reflectance(side: &ReferenceSide, taps: &Taps) -> [f64; 3] {
+fn reflectance(side: &ReferenceSide, taps: &TexelTaps) -> [f64; 3] {
     match &side.interior {
-        Interior::Maps { rho_d, .. } => taps.colour(rho_d),
-        Interior::Scalars { gamma, thickness, curve } => {
+        ReferenceInterior::Maps { rho_d, .. } => taps.colour(rho_d),
+        ReferenceInterior::Scalars { gamma, thickness, curve } => {
             let (rho_d, gamma) = (curve(taps.scalar(thickness)).0, taps.colour(gamma));
             [0, 1, 2].map(|c| gamma[c] * rho_d[c])
         }
     }
 }
 
-fn transmittance(side: &ReferenceSide, taps: &Taps) -> [f64; 3] {
+fn transmittance(side: &ReferenceSide, taps: &TexelTaps) -> [f64; 3] {
     match &side.interior {
-        Interior::Maps { rho_t, .. } => taps.colour(rho_t),
-        Interior::Scalars { thickness, curve, .. } => curve(taps.scalar(thickness)).1,
+        ReferenceInterior::Maps { rho_t, .. } => taps.colour(rho_t),
+        ReferenceInterior::Scalars { thickness, curve, .. } => curve(taps.scalar(thickness)).1,
     }
 }

@@ -16,7 +16,7 @@
     strum::EnumMessage,
 )]
 #[strum(serialize_all = "kebab-case")]
-pub enum Tone {
+pub enum ToneCurve {
     /// x/(1 + x) a channel: what both renderers draw, and what checks compare.
     #[default]
     Reinhard,
@@ -25,12 +25,12 @@ pub enum Tone {
     Film,
 }
 
-impl Tone {
+impl ToneCurve {
     /// From radiance to a display value in [0, 1]. Negative radiance and NaN are black.
     pub fn display(self, radiance: f64, exposure: f64) -> f64 {
         match self {
-            Tone::Reinhard => display(radiance, exposure),
-            Tone::Film => {
+            ToneCurve::Reinhard => display(radiance, exposure),
+            ToneCurve::Film => {
                 let x = 0.6 * exposure * radiance;
                 if x.is_nan() || x <= 0.0 {
                     return 0.0;
@@ -95,13 +95,13 @@ mod tests {
     /// curve keeps below white are white.
     #[test]
     fn a_films_curve_rises_from_black_to_white() {
-        let values: Vec<f64> = (0..2000).map(|k| Tone::Film.display(1.01f64.powi(k - 1000), 1.0)).collect();
+        let values: Vec<f64> = (0..2000).map(|k| ToneCurve::Film.display(1.01f64.powi(k - 1000), 1.0)).collect();
         assert!(values.windows(2).all(|w| w[0] <= w[1]) && values[0] < 1e-3);
         assert!((values[1999] - 1.0).abs() < 1e-12);
-        assert_eq!(Tone::Film.display(f64::NAN, 1.0), 0.0);
-        assert!((Tone::Film.display(f64::INFINITY, 1.0) - 1.0).abs() < 1e-12);
-        let grey = Tone::Film.display(0.18, 1.0);
+        assert_eq!(ToneCurve::Film.display(f64::NAN, 1.0), 0.0);
+        assert!((ToneCurve::Film.display(f64::INFINITY, 1.0) - 1.0).abs() < 1e-12);
+        let grey = ToneCurve::Film.display(0.18, 1.0);
         assert!((0.35..0.5).contains(&grey), "{grey}");
-        assert_eq!(Tone::Film.display(0.09, 2.0), grey);
+        assert_eq!(ToneCurve::Film.display(0.09, 2.0), grey);
     }
 }

@@ -4,9 +4,9 @@
 //! of radiance. Maps are stored row by row with row 0 on top. Each side's maps are as its own camera saw them: column i
 //! of the back is column `width−1−i` of the front.
 
-use super::dome::Dome;
+use super::dome::ReferenceDome;
 use super::environment::Environment;
-use super::foliar::Foliar;
+use super::foliar::FoliarMaterial;
 use super::lobe::Lobe;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -15,23 +15,23 @@ use std::sync::Arc;
 
 /// Everything in a picture.
 #[derive(Debug, Clone)]
-pub struct World {
+pub struct ReferenceWorld {
     /// The leaves, each once.
     pub leaves: Vec<ReferenceLeaf>,
     /// Leaves that the path tracer draws by the models of B1. A leaf with `None`, or beyond the end of the list, is
     /// drawn by its sides.
-    pub foliar: Vec<Option<Arc<Foliar>>>,
+    pub foliar: Vec<Option<Arc<FoliarMaterial>>>,
     /// The instances. One leaf may stand in many places.
-    pub instances: Vec<Placement>,
+    pub instances: Vec<ReferencePlacement>,
     /// How sunlight passes through each instance. For an instance beyond the end of the list, the cosine of the mapped
     /// normal decides.
-    pub through: Vec<Through>,
+    pub through: Vec<SunTransmission>,
     /// The sun, where there is one.
     pub sun: Option<ReferenceSun>,
     /// Radiance of a constant sky all around.
     pub sky: Option<[f64; 3]>,
     /// A sky of any radiance, instead of a constant one. It is also the background.
-    pub dome: Option<Dome>,
+    pub dome: Option<ReferenceDome>,
     /// An environment map, instead of a sky. It is also the background. Only the path tracer draws it.
     pub environment: Option<Arc<Environment>>,
     /// The period (mm) along x and y with which everything repeats.
@@ -39,16 +39,16 @@ pub struct World {
     /// Index of the instance that is the ground.
     pub ground: Option<usize>,
     /// A scanner instead of sun and sky.
-    pub scanner: Option<Scanner>,
+    pub scanner: Option<ReferenceScanner>,
     /// Radiance where nothing is hit.
     pub background: [f64; 3],
     /// The factor that radiance is multiplied by before tone mapping.
     pub exposure: f64,
 }
 
-impl Default for World {
+impl Default for ReferenceWorld {
     fn default() -> Self {
-        World {
+        ReferenceWorld {
             leaves: Vec::new(),
             foliar: Vec::new(),
             instances: Vec::new(),
@@ -66,7 +66,7 @@ impl Default for World {
     }
 }
 
-impl World {
+impl ReferenceWorld {
     /// Radiance of the sky from a unit direction, without the sun: that of a dome, of an environment map, or of a
     /// constant sky.
     pub fn sky_radiance(&self, d: DVec3) -> [f64; 3] {
@@ -80,7 +80,7 @@ impl World {
 
 /// A leaf at a place: rotation, translation and a uniform scale.
 #[derive(Debug, Clone, Copy)]
-pub struct Placement {
+pub struct ReferencePlacement {
     /// Index of the leaf in the world.
     pub leaf: usize,
     /// The transform from the leaf's frame to the world.
@@ -89,15 +89,15 @@ pub struct Placement {
 
 /// How sunlight passes through one instance for the sun's present direction.
 #[derive(Debug, Clone, Default)]
-pub struct Through {
+pub struct SunTransmission {
     /// For light that enters the front, and for light that enters the back.
-    pub entering: [Option<Sunlit>; 2],
+    pub entering: [Option<SunlitMaps>; 2],
 }
 
 /// Maps like those of the leaf, in the columns of the lit side's camera. Values are interpolated, and then limited to
 /// at least 0.
 #[derive(Debug, Clone)]
-pub enum Sunlit {
+pub enum SunlitMaps {
     /// The factor f that replaces max(0, F·l): the exit radiance is E·V·f·ρt/π.
     Factor(Arc<Vec<f32>>),
     /// A map for each channel that replaces both the cosine and ρt.
@@ -118,7 +118,7 @@ pub struct ReferenceSun {
 /// A tube-shaped lamp over the plane z = 0, and an orthographic camera whose picture is rectified to that plane, as
 /// `data/README.md` describes it for captures. Nothing casts a shadow, and no light is transmitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scanner {
+pub struct ReferenceScanner {
     /// Unit vector towards the camera, above the plane.
     pub camera: DVec3,
     /// Size of a pixel on the plane (mm).
@@ -139,7 +139,7 @@ pub struct Scanner {
 
 /// A pinhole camera; row 0 of its picture is the top row.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Camera {
+pub struct ReferenceCamera {
     /// Place of the camera.
     pub eye: DVec3,
     /// The point that it looks at.
@@ -193,9 +193,9 @@ pub struct ReferenceMesh {
 #[derive(Debug, Clone)]
 pub struct ReferenceSide {
     /// Diffuse reflectance and transmittance.
-    pub interior: Interior,
+    pub interior: ReferenceInterior,
     /// The gloss; `None` is a matte side.
-    pub gloss: Option<Gloss>,
+    pub gloss: Option<ReferenceGloss>,
     /// The mapped normals; `None` means the mesh's normal.
     pub normal: Option<NormalMap>,
 }
@@ -205,7 +205,7 @@ pub type SlabAt = Arc<dyn Fn(f64) -> ([f64; 3], [f64; 3]) + Send + Sync>;
 
 /// The source of a side's diffuse reflectance and transmittance. A channel's map has `width · height` entries.
 #[derive(Clone)]
-pub enum Interior {
+pub enum ReferenceInterior {
     /// The final ρd (with γ) and ρt of each texel, which are interpolated themselves.
     Maps {
         /// Diffuse reflectance, with a map for each channel.
@@ -225,11 +225,11 @@ pub enum Interior {
     },
 }
 
-impl std::fmt::Debug for Interior {
+impl std::fmt::Debug for ReferenceInterior {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Interior::Maps { rho_d, .. } => write!(f, "Maps({} texels)", rho_d[0].len()),
-            Interior::Scalars { thickness, .. } => write!(f, "Scalars({} texels)", thickness.len()),
+            ReferenceInterior::Maps { rho_d, .. } => write!(f, "Maps({} texels)", rho_d[0].len()),
+            ReferenceInterior::Scalars { thickness, .. } => write!(f, "Scalars({} texels)", thickness.len()),
         }
     }
 }
@@ -237,7 +237,7 @@ impl std::fmt::Debug for Interior {
 /// Surface reflection of each texel: ρs for each channel, and the slope m (smaller values than 0.001 are taken as
 /// 0.001).
 #[derive(Debug, Clone)]
-pub struct Gloss {
+pub struct ReferenceGloss {
     /// ρs, with a map for each channel.
     pub rho_s: [Vec<f32>; 3],
     /// Slope m.
@@ -266,7 +266,7 @@ pub enum NormalFrame {
 /// The largest number of instances in a scene that repeats, including those that reach over from its neighbours.
 const MOST_COPIES: f64 = 1e7;
 
-impl World {
+impl ReferenceWorld {
     /// Checks that everything is there and has the right size. The error names the leaf and the field.
     pub fn validate(&self) -> Result<()> {
         let bad = |what: String| Err(Error::input(Path::new("reference scene"), what));
@@ -287,8 +287,8 @@ impl World {
         for (k, (through, placed)) in self.through.iter().zip(&self.instances).enumerate() {
             let texels = self.leaves[placed.leaf].width * self.leaves[placed.leaf].height;
             let sizes = through.entering.iter().flatten().flat_map(|s| match s {
-                Sunlit::Factor(map) => vec![map.len()],
-                Sunlit::Colour(maps) => maps.iter().map(Vec::len).collect(),
+                SunlitMaps::Factor(map) => vec![map.len()],
+                SunlitMaps::Colour(maps) => maps.iter().map(Vec::len).collect(),
             });
             if let Some(found) = sizes.into_iter().find(|n| *n != texels) {
                 return bad(format!("instance {k}: light through it has {found} texels, expected {texels}"));
@@ -310,7 +310,7 @@ impl World {
             return bad(format!("ground: instance {ground}, the scene has {}", self.instances.len()));
         }
         if let Some(size) = self.periodic {
-            let copies = super::repeat::copies(self, size);
+            let copies = super::repetition::copies(self, size);
             if !(size.iter().all(|s| *s > 0.0 && s.is_finite()) && copies <= MOST_COPIES) {
                 return bad(format!(
                     "periodic: a period of {} × {} mm needs {copies:.0} copies of what stands there, expected at most \
@@ -355,11 +355,11 @@ impl ReferenceLeaf {
                 maps.extend(c.iter().zip(["R", "G", "B"]).map(|(m, ch)| (format!("{name} {what}.{ch}"), m.len())));
             };
             match &side.interior {
-                Interior::Maps { rho_d, rho_t } => {
+                ReferenceInterior::Maps { rho_d, rho_t } => {
                     channels("rho_d", rho_d);
                     channels("rho_t", rho_t);
                 }
-                Interior::Scalars { gamma, thickness, .. } => {
+                ReferenceInterior::Scalars { gamma, thickness, .. } => {
                     channels("gamma", gamma);
                     maps.push((format!("{name} thickness"), thickness.len()));
                 }

@@ -5,7 +5,7 @@ use mesophyll_files::mesh::LeafMesh;
 
 /// Triangles with one entry a vertex in every list but `indices`.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Mesh {
+pub struct ExportMesh {
     /// Places (mm).
     pub positions: Vec<[f32; 3]>,
     /// Unit normals, out of the front.
@@ -18,10 +18,10 @@ pub struct Mesh {
     pub indices: Vec<u32>,
 }
 
-impl Mesh {
+impl ExportMesh {
     /// The mesh in single precision.
-    pub fn of(read: &LeafMesh) -> Mesh {
-        Mesh {
+    pub fn of(read: &LeafMesh) -> ExportMesh {
+        ExportMesh {
             positions: read.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
             normals: read.normals.iter().map(|n| n.as_vec3().to_array()).collect(),
             tangents: read.tangents.iter().map(|(t, w)| t.as_vec3().extend(*w as f32).to_array()).collect(),
@@ -32,8 +32,8 @@ impl Mesh {
 
     /// The same surface seen from behind: the winding of triangles is reversed, normals are turned, and tangents still
     /// point along +u.
-    pub fn turned(&self) -> Mesh {
-        Mesh {
+    pub fn turned(&self) -> ExportMesh {
+        ExportMesh {
             positions: self.positions.clone(),
             normals: self.normals.iter().map(|n| n.map(|v| -v)).collect(),
             // bitangent = w · normal × tangent stays where it was

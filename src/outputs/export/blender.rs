@@ -4,11 +4,11 @@
 //! for the front, others for the back, chosen by Backfacing.
 
 use crate::Result;
-use crate::coat::{Coat, Lost, Paint, Textures, coats};
-use crate::foreign::micro::Slopes;
-use crate::foreign::target::{Coded, Target};
-use crate::gltf::{self, Kind};
-use crate::shown::{Shown, Sky};
+use crate::coat::{ExportCoat, ExportLoss, TexturePaint, TextureWriter, coats};
+use crate::foreign::micro::SlopeDistribution;
+use crate::foreign::target::{ExportTarget, TargetSide};
+use crate::gltf::{self, GltfPurpose};
+use crate::scene::{ExportScene, ExportSky};
 use mesophyll_files::atomic;
 use mesophyll_optics::side::Side;
 use serde_json::{Map, Value, json};
@@ -21,12 +21,12 @@ const SCRIPT: &str = include_str!("blender.py");
 ///
 /// # Errors
 /// [`crate::Error::Write`].
-pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
-    let coats = coats(shown, Target::Blender);
-    let mut textures = Textures::new(folder);
+pub fn write(shown: &ExportScene, folder: &Path) -> Result<(Vec<PathBuf>, ExportLoss)> {
+    let coats = coats(shown, ExportTarget::Blender);
+    let mut textures = TextureWriter::new(folder);
     let mut materials = Map::new();
     for coat in &coats {
-        let mut sides = json!({"slopes": Slopes::of(coat.sheet.lobe()).name().to_uppercase()});
+        let mut sides = json!({"slopes": SlopeDistribution::of(coat.sheet.lobe()).name().to_uppercase()});
         for side in Side::ALL {
             sides[side.name()] = one(coat, side, &mut textures)?;
         }
@@ -38,10 +38,10 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
         materials.insert(coat.sheet.name.clone(), sides);
     }
     let sky = match &shown.sky {
-        Sky::None => Value::Null,
-        Sky::Even(radiance) => json!(radiance),
+        ExportSky::None => Value::Null,
+        ExportSky::Even(radiance) => json!(radiance),
         // Blender's panoramas are as ours.
-        Sky::Map(map) => value(&textures.picture("sky", map.size, |k| map.texels[k])?),
+        ExportSky::Map(map) => value(&textures.picture("sky", map.size, |k| map.texels[k])?),
     };
     let sun = shown.sun.map(|sun| {
         json!({"towards": sun.direction.normalize().to_array(), "irradiance": sun.irradiance,
@@ -52,7 +52,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
         "stops": shown.stops(),
     });
     let glb = folder.join("scene.glb");
-    gltf::write(shown, &glb, Kind::Bare)?;
+    gltf::write(shown, &glb, GltfPurpose::Bare)?;
     let text = serde_json::to_string(&data.to_string()).map_err(|e| crate::Error::write(folder, e))?;
     let script = folder.join("scene.py");
     atomic::write_bytes(&script, format!("{}DATA = json.loads({text})\n{SCRIPT}", HEAD).as_bytes())?;
@@ -60,7 +60,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     if shown.sheets.iter().any(|s| s.normals.back.is_some()) {
         unsaid.push("the mapped normals of the back and of transmitted light".into());
     }
-    let lost = Lost::new("blender", &coats, &unsaid);
+    let lost = ExportLoss::new("blender", &coats, &unsaid);
     let mut written = vec![script, glb];
     written.append(&mut textures.written);
     Ok((written, lost))
@@ -68,16 +68,16 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
 
 const HEAD: &str = "# A scene by Mesophyll, for Blender 4.2 or later: blender --python scene.py\nimport json\n";
 
-fn value(paint: &Paint) -> Value {
+fn value(paint: &TexturePaint) -> Value {
     match paint {
-        Paint::Flat(c) => json!(c),
-        Paint::File(file) => json!(file),
+        TexturePaint::Flat(c) => json!(c),
+        TexturePaint::File(file) => json!(file),
     }
 }
 
-fn one(coat: &Coat, side: Side, textures: &mut Textures) -> Result<Value> {
+fn one(coat: &ExportCoat, side: Side, textures: &mut TextureWriter) -> Result<Value> {
     let sheet = coat.sheet;
-    let of = |k: usize| -> &Coded { &coat.coded[k][side] };
+    let of = |k: usize| -> &TargetSide { &coat.coded[k][side] };
     let mut paint = |what: &str, number: &dyn Fn(usize) -> [f64; 3]| -> Result<Value> {
         textures.colour(sheet, &format!("{}_{what}", side.name()), number).map(|p| value(&p))
     };

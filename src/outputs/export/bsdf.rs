@@ -7,10 +7,10 @@
 //! the lobe's own distribution of facets and σ is cosθi, so that a reading is ρs·F·G, smooth and at most ρs. Readings
 //! stand at even steps of a square that is warped to where visible facets are.
 
-use crate::coat::Lost;
+use crate::coat::ExportLoss;
 use crate::foreign::micro::half;
-use crate::foreign::nodes::Nodes;
-use crate::shown::{Sheet, Shown};
+use crate::foreign::nodes::DirectionPairs;
+use crate::scene::{ExportScene, ExportSheet};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_optics::gloss::{Lobe, dot};
@@ -39,7 +39,7 @@ const FLOAT32: u8 = 10;
 ///
 /// # Errors
 /// [`Error::Usage`] where nothing has a gloss; [`Error::Write`].
-pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
+pub fn write(shown: &ExportScene, folder: &Path) -> Result<(Vec<PathBuf>, ExportLoss)> {
     let (mut files, mut lost, mut unsaid) = (Vec::new(), Vec::new(), shown.left_out.clone());
     for sheet in &shown.sheets {
         for side in Side::ALL {
@@ -67,7 +67,7 @@ struct Mean {
 }
 
 impl Mean {
-    fn of(sheet: &Sheet, side: Side) -> Option<Mean> {
+    fn of(sheet: &ExportSheet, side: Side) -> Option<Mean> {
         let parts = || sheet.good.iter().map(|k| &sheet.texels[*k].sides[side]);
         let n = sheet.good.len() as f64;
         let rho_s = [0, 1, 2].map(|c| parts().map(|p| p.rho_s[c]).sum::<f64>() / n);
@@ -299,10 +299,10 @@ struct Loss {
     albedo: [[f64; 3]; 2],
 }
 
-fn loss(sheet: &Sheet, side: Side, gloss: &Mean, table: &Table) -> Loss {
+fn loss(sheet: &ExportSheet, side: Side, gloss: &Mean, table: &Table) -> Loss {
     let n = [0.0, 0.0, 1.0];
     let (mut squares, mut albedo) = ([[0.0; 2]; 2], [[0.0; 3]; 2]);
-    let nodes = Nodes::new(gloss.lobe, gloss.m);
+    let nodes = DirectionPairs::new(gloss.lobe, gloss.m);
     for node in &nodes.all {
         let theirs = table.value(node.view, node.light);
         let mean = gloss.lobe.bounded(n, node.light, node.view, gloss.m);
@@ -325,7 +325,7 @@ fn loss(sheet: &Sheet, side: Side, gloss: &Mean, table: &Table) -> Loss {
     Loss { rms: squares.map(|[difference, ours]| (difference / ours).sqrt()), albedo }
 }
 
-fn lost_of(all: &[(&Sheet, Side, Loss)], unsaid: &[String]) -> Lost {
+fn lost_of(all: &[(&ExportSheet, Side, Loss)], unsaid: &[String]) -> ExportLoss {
     let mut surfaces: Vec<serde_json::Value> = Vec::new();
     let mut lines = Vec::new();
     for (sheet, side, lost) in all {
@@ -352,5 +352,5 @@ fn lost_of(all: &[(&Sheet, Side, Loss)], unsaid: &[String]) -> Lost {
     let meaning = "gloss_rms: relative root mean square error of the gloss alone over both hemispheres and the texels, \
                    weighted with both cosines; table_rms: the same for the mean gloss, which is what the table itself \
                    loses; albedo_error: theirs less ours for red, green and blue (docs/export.md)";
-    Lost::other("bsdf", meaning, surfaces, lines, unsaid)
+    ExportLoss::other("bsdf", meaning, surfaces, lines, unsaid)
 }

@@ -7,11 +7,11 @@
 //! colour, or base colour and transmission colour in the shares 1 − t and t of KHR_materials_diffuse_transmission.
 //! Extensions are used and never required. [`crate::foreign::target`] finds the numbers, which are kept in bytes.
 
-use super::blade::Mesh;
-use super::texture::{Turn, encode, normal_pixel};
-use crate::coat::{Coat, Lost, coats};
-use crate::foreign::target::{Coded, Target};
-use crate::shown::{Sheet, Shown, Sky};
+use super::blade::ExportMesh;
+use super::texture::{TextureMirroring, encode, normal_pixel};
+use crate::coat::{ExportCoat, ExportLoss, coats};
+use crate::foreign::target::{ExportTarget, TargetSide};
+use crate::scene::{ExportScene, ExportSheet, ExportSky};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::glb::{self, Glb};
@@ -25,7 +25,7 @@ const ASSUMED_F0: f64 = 0.04;
 
 /// What a file is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum GltfPurpose {
     /// A leaf alone with its own axes, opaque.
     Opaque,
     /// The same with transmitted light.
@@ -40,12 +40,12 @@ pub enum Kind {
 ///
 /// # Errors
 /// [`Error::Write`].
-pub fn write(shown: &Shown, path: &Path, kind: Kind) -> Result<Lost> {
-    let (translucent, scene) = (kind != Kind::Opaque, matches!(kind, Kind::Scene | Kind::Bare));
+pub fn write(shown: &ExportScene, path: &Path, kind: GltfPurpose) -> Result<ExportLoss> {
+    let (translucent, scene) = (kind != GltfPurpose::Opaque, matches!(kind, GltfPurpose::Scene | GltfPurpose::Bare));
     let (target, name) =
-        if translucent { (Target::GltfTranslucent, "gltf-translucent") } else { (Target::Gltf, "gltf") };
-    if kind == Kind::Bare {
-        return bare(shown, path).map(|()| Lost::new(name, &[], &[]));
+        if translucent { (ExportTarget::GltfTranslucent, "gltf-translucent") } else { (ExportTarget::Gltf, "gltf") };
+    if kind == GltfPurpose::Bare {
+        return bare(shown, path).map(|()| ExportLoss::new(name, &[], &[]));
     }
     let coats = coats(shown, target);
     let mut file = Glb::default();
@@ -87,7 +87,7 @@ pub fn write(shown: &Shown, path: &Path, kind: Kind) -> Result<Lost> {
     file.write(path, root)?;
     let mut unsaid = shown.left_out.clone();
     unsaid.extend(shown.unsaid_exposure().filter(|_| scene));
-    if scene && !matches!(shown.sky, Sky::None) {
+    if scene && !matches!(shown.sky, ExportSky::None) {
         unsaid.push(
             "the sky's light, for which the format has no core light; the reader's environment takes its place".into(),
         );
@@ -98,11 +98,11 @@ pub fn write(shown: &Shown, path: &Path, kind: Kind) -> Result<Lost> {
     if !translucent && coats.iter().any(|c| c.sheet.texels.iter().any(|t| t.sides.front.rho_t != [0.0; 3])) {
         unsaid.push("transmitted light; --to gltf-translucent holds it".into());
     }
-    Ok(Lost::new(name, &coats, &unsaid))
+    Ok(ExportLoss::new(name, &coats, &unsaid))
 }
 
 /// Whether a side scatters any light.
-pub(crate) fn lit(coat: &Coat, side: Side) -> bool {
+pub(crate) fn lit(coat: &ExportCoat, side: Side) -> bool {
     side == Side::Front && !coat.leaf
         || coat.sheet.texels.iter().any(|t| {
             let p = &t.sides[side];
@@ -111,7 +111,7 @@ pub(crate) fn lit(coat: &Coat, side: Side) -> bool {
 }
 
 /// A shape with a material.
-pub(crate) fn primitive(file: &mut Glb, shape: &Mesh, material: usize) -> Value {
+pub(crate) fn primitive(file: &mut Glb, shape: &ExportMesh, material: usize) -> Value {
     let mut attributes = json!({
         "POSITION": file.floats("VEC3", &shape.positions),
         "NORMAL": file.floats("VEC3", &shape.normals),
@@ -131,14 +131,14 @@ fn byte(v: f64) -> u8 {
 /// The material of a side, with its pictures in the file.
 pub(crate) fn material(
     file: &mut Glb,
-    coat: &Coat,
+    coat: &ExportCoat,
     side: Side,
     path: &Path,
     translucent: bool,
     double: bool,
 ) -> Result<Value> {
     let [width, height] = coat.sheet.size;
-    let of = |k: usize| -> &Coded { &coat.coded[k][side] };
+    let of = |k: usize| -> &TargetSide { &coat.coded[k][side] };
     let pixels = |pixel: &dyn Fn(usize) -> [u8; 3]| -> Vec<u8> { (0..width * height).flat_map(pixel).collect() };
     let png = |pixel: &dyn Fn(usize) -> [u8; 3]| encode(path, width, height, &pixels(pixel));
     let srgb = |c: [f64; 3]| c.map(|v| to_srgb8(v as f32));
@@ -185,7 +185,7 @@ pub(crate) fn material(
     }
     if let Some(normals) = &coat.sheet.normals[side] {
         // The normals are in the front's columns, with x along +u on both sides.
-        let picture = png(&|k| normal_pixel(normals[k], Turn::AsSeen))?;
+        let picture = png(&|k| normal_pixel(normals[k], TextureMirroring::AsSeen))?;
         out["normalTexture"] = file.texture(&name("normals"), &picture);
     }
     Ok(out)
@@ -208,10 +208,9 @@ fn with_alpha(path: &Path, [width, height]: [usize; 2], pixel: &dyn Fn(usize) ->
 }
 
 /// Writes shapes, places and camera.
-fn bare(shown: &Shown, path: &Path) -> Result<()> {
+fn bare(shown: &ExportScene, path: &Path) -> Result<()> {
     let mut file = Glb::default();
-    let mut mesh =
-        |(k, sheet): (usize, &Sheet)| json!({"name": sheet.name, "primitives": [primitive(&mut file, &sheet.mesh, k)]});
+    let mut mesh = |(k, sheet): (usize, &ExportSheet)| json!({"name": sheet.name, "primitives": [primitive(&mut file, &sheet.mesh, k)]});
     let meshes: Vec<Value> = shown.sheets.iter().enumerate().map(&mut mesh).collect();
     let materials: Vec<Value> = shown.sheets.iter().map(|s| json!({"name": s.name, "doubleSided": true})).collect();
     let mut root = json!({"asset": glb::asset(), "scene": 0, "meshes": meshes, "materials": materials});
@@ -228,7 +227,7 @@ pub fn looking(eye: DVec3, target: DVec3, up: DVec3) -> DMat4 {
 }
 
 /// The nodes of a scene: everything below one node that turns z up into y up and mm into metres.
-fn nodes(root: &mut Value, shown: &Shown) {
+fn nodes(root: &mut Value, shown: &ExportScene) {
     let mut all = vec![Value::Null];
     for (sheet, place) in &shown.places {
         all.push(json!({"mesh": sheet, "name": shown.sheets[*sheet].name, "matrix": place.to_cols_array()}));
@@ -258,7 +257,7 @@ fn nodes(root: &mut Value, shown: &Shown) {
 }
 
 /// Adds the sun to the nodes; false where there is none.
-fn sun(root: &mut Value, shown: &Shown) -> bool {
+fn sun(root: &mut Value, shown: &ExportScene) -> bool {
     let (Some(sun), Some(nodes)) = (&shown.sun, root["nodes"].as_array_mut()) else { return false };
     // A light shines along its own −z.
     let toward = sun.direction.normalize();

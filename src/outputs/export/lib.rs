@@ -13,10 +13,10 @@ mod gltf;
 mod materialx;
 mod mitsuba;
 mod obj;
-mod packed;
+mod packing;
 mod pbrt;
 mod ply;
-pub mod shown;
+pub mod scene;
 mod side;
 mod sigma;
 pub mod sky;
@@ -24,22 +24,22 @@ mod table;
 mod texture;
 mod usd;
 
-use coat::Lost;
+use coat::ExportLoss;
 use mesophyll_files::atomic;
-use mesophyll_files::claim::{self, Kind};
-use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_fits::leaf_folder::File;
-use mesophyll_fits::record::{FitKind, FitRecord, Times};
+use mesophyll_files::claim::{self, OutputKind};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll_fits::leaf_folder::LeafFitFile;
+use mesophyll_fits::record::{FitKind, FitRecord, FitTimes};
 use serde_json::json;
-use side::SideMaps;
-use sky::SkyOptions;
+use side::ExportSideMaps;
+use sky::SkyExportOptions;
 use std::path::{Path, PathBuf};
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// What a fit can be written as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Format {
+pub enum ExportFormat {
     /// A folder of 8-bit maps: rho_d, rho_t and rho_s as sRGB, the rest linear; ranges.json says what a byte means
     Png,
     /// One float OpenEXR with every map of both sides and its standard error
@@ -88,7 +88,7 @@ pub enum Format {
     C,
 }
 
-impl Format {
+impl ExportFormat {
     /// The format's name on the command line.
     pub fn name(self) -> &'static str {
         self.into()
@@ -96,58 +96,64 @@ impl Format {
 
     /// Whether it writes a folder.
     pub fn is_folder(self) -> bool {
-        matches!(self, Format::Png | Format::Packed | Format::Pivots | Format::Sigma) || self.is_assembly()
+        matches!(self, ExportFormat::Png | ExportFormat::Packed | ExportFormat::Pivots | ExportFormat::Sigma)
+            || self.is_assembly()
     }
 
     /// Whether it is a folder with a scene for another renderer.
     pub fn is_assembly(self) -> bool {
         matches!(
             self,
-            Format::Mitsuba | Format::Pbrt | Format::Usd | Format::Blender | Format::Materialx | Format::Bsdf
+            ExportFormat::Mitsuba
+                | ExportFormat::Pbrt
+                | ExportFormat::Usd
+                | ExportFormat::Blender
+                | ExportFormat::Materialx
+                | ExportFormat::Bsdf
         )
     }
 
     /// Whether a scene can be written so, with everything that stands in it.
     pub fn holds_scenes(self) -> bool {
-        self.is_assembly() || self == Format::GltfTranslucent
+        self.is_assembly() || self == ExportFormat::GltfTranslucent
     }
 
     /// Endings of the files that this format writes.
     pub fn endings(self) -> &'static [&'static str] {
         match self {
-            Format::Png => &["png", "json"],
-            Format::Exr | Format::Packed => &["exr"],
-            Format::Pivots => &["exr", "glb", "json"],
-            Format::Csv => &["csv"],
-            Format::Json => &["json"],
-            Format::Gltf | Format::GltfTranslucent => &["glb", "gltf"],
-            Format::Bsdf => &["bsdf", "json"],
-            Format::Sigma => &["exr", "json"],
-            Format::Obj => &["obj"],
-            Format::Mitsuba => &["xml", "ply", "exr", "json"],
-            Format::Pbrt => &["pbrt", "ply", "exr", "json"],
-            Format::Usd => &["usda", "exr", "json"],
-            Format::Blender => &["py", "glb", "exr", "json"],
-            Format::Materialx => &["mtlx", "exr", "json"],
-            Format::Web => &["mesophyll"],
-            Format::Wgsl => &["wgsl"],
-            Format::C => &["h"],
+            ExportFormat::Png => &["png", "json"],
+            ExportFormat::Exr | ExportFormat::Packed => &["exr"],
+            ExportFormat::Pivots => &["exr", "glb", "json"],
+            ExportFormat::Csv => &["csv"],
+            ExportFormat::Json => &["json"],
+            ExportFormat::Gltf | ExportFormat::GltfTranslucent => &["glb", "gltf"],
+            ExportFormat::Bsdf => &["bsdf", "json"],
+            ExportFormat::Sigma => &["exr", "json"],
+            ExportFormat::Obj => &["obj"],
+            ExportFormat::Mitsuba => &["xml", "ply", "exr", "json"],
+            ExportFormat::Pbrt => &["pbrt", "ply", "exr", "json"],
+            ExportFormat::Usd => &["usda", "exr", "json"],
+            ExportFormat::Blender => &["py", "glb", "exr", "json"],
+            ExportFormat::Materialx => &["mtlx", "exr", "json"],
+            ExportFormat::Web => &["mesophyll"],
+            ExportFormat::Wgsl => &["wgsl"],
+            ExportFormat::C => &["h"],
         }
     }
 }
 
 /// What was written.
 #[derive(Debug, Default)]
-pub struct Exported {
+pub struct ExportResult {
     /// Every file.
     pub files: Vec<PathBuf>,
     /// What the format cannot hold, where it is a material.
-    pub lost: Option<Lost>,
+    pub lost: Option<ExportLoss>,
 }
 
-impl From<Vec<PathBuf>> for Exported {
+impl From<Vec<PathBuf>> for ExportResult {
     fn from(files: Vec<PathBuf>) -> Self {
-        Exported { files, lost: None }
+        ExportResult { files, lost: None }
     }
 }
 
@@ -156,32 +162,38 @@ impl From<Vec<PathBuf>> for Exported {
 ///
 /// # Errors
 /// [`Error::Usage`] for a folder or file that holds something else; [`Error::Write`].
-pub fn assemble(shown: &shown::Shown, format: Format, path: &Path, scene: bool, inputs: &[&Path]) -> Result<Exported> {
+pub fn assemble(
+    shown: &scene::ExportScene,
+    format: ExportFormat,
+    path: &Path,
+    scene: bool,
+    inputs: &[&Path],
+) -> Result<ExportResult> {
     if !format.is_assembly() {
         let kind = match (format, scene) {
-            (_, true) => gltf::Kind::Scene,
-            (Format::Gltf, false) => gltf::Kind::Opaque,
-            _ => gltf::Kind::Translucent,
+            (_, true) => gltf::GltfPurpose::Scene,
+            (ExportFormat::Gltf, false) => gltf::GltfPurpose::Opaque,
+            _ => gltf::GltfPurpose::Translucent,
         };
         let record = record_of_loss(path)?;
         let lost = gltf::write(shown, path, kind)?;
         return beside(record, vec![path.to_path_buf()], lost);
     }
-    let _claim = claim::folder(path, Kind::Export, inputs)?;
-    claim::begin(path, Kind::Export)?;
+    let _claim = claim::folder(path, OutputKind::Export, inputs)?;
+    claim::begin(path, OutputKind::Export)?;
     let write = match format {
-        Format::Pbrt => pbrt::write,
-        Format::Usd => usd::write,
-        Format::Blender => blender::write,
-        Format::Materialx => materialx::write,
-        Format::Bsdf => bsdf::write,
+        ExportFormat::Pbrt => pbrt::write,
+        ExportFormat::Usd => usd::write,
+        ExportFormat::Blender => blender::write,
+        ExportFormat::Materialx => materialx::write,
+        ExportFormat::Bsdf => bsdf::write,
         _ => mitsuba::write,
     };
     let (mut files, lost) = write(shown, path)?;
     files.push(path.join("loss.json"));
     lost.write(&path.join("loss.json"))?;
     claim::finish(path)?;
-    Ok(Exported { files, lost: Some(lost) })
+    Ok(ExportResult { files, lost: Some(lost) })
 }
 
 /// The place of a file's loss, `FILE.loss.json`; refused where something else has that name.
@@ -199,10 +211,10 @@ fn record_of_loss(path: &Path) -> Result<PathBuf> {
 }
 
 /// Writes the loss of a file beside it.
-fn beside(record: PathBuf, mut files: Vec<PathBuf>, lost: Lost) -> Result<Exported> {
+fn beside(record: PathBuf, mut files: Vec<PathBuf>, lost: ExportLoss) -> Result<ExportResult> {
     lost.write(&record)?;
     files.push(record);
-    Ok(Exported { files, lost: Some(lost) })
+    Ok(ExportResult { files, lost: Some(lost) })
 }
 
 /// Writes the fit in `folder` as `format` to `path`; returns every file written.
@@ -210,17 +222,17 @@ fn beside(record: PathBuf, mut files: Vec<PathBuf>, lost: Lost) -> Result<Export
 /// # Errors
 /// [`Error::Input`] when the fit or a map that it needs cannot be read, [`Error::Usage`] when this kind of fit cannot
 /// be written in the format, [`Error::Missed`] for a fit that was changed since it was fitted, [`Error::Write`].
-pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> Result<Exported> {
+pub fn export(folder: &Path, format: ExportFormat, path: &Path, sky: &SkyExportOptions) -> Result<ExportResult> {
     let record = FitRecord::read(folder)?;
-    if format == Format::Pivots {
+    if format == ExportFormat::Pivots {
         let what = format!("{} is a {}; --to pivots is for scenes with plants", folder.display(), record.kind.words());
         return Err(Error::Usage(what));
     }
-    if format == Format::Web {
+    if format == ExportFormat::Web {
         return Err(Error::Usage("--to web: the file holds what the renderer draws, so it is made of a scene".into()));
     }
     if record.kind == FitKind::Sky {
-        if !matches!(format, Format::Wgsl | Format::C | Format::Json) {
+        if !matches!(format, ExportFormat::Wgsl | ExportFormat::C | ExportFormat::Json) {
             let what = format!(
                 "{} is a sky fit; it can be exported as wgsl, c or json, not as {}",
                 folder.display(),
@@ -231,7 +243,7 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         atomic::write_bytes(path, sky::text(folder, format, sky)?.as_bytes())?;
         return Ok(vec![path.to_path_buf()].into());
     }
-    if matches!(format, Format::Wgsl | Format::C) || !sky.is_plain() {
+    if matches!(format, ExportFormat::Wgsl | ExportFormat::C) || !sky.is_plain() {
         let what = format!(
             "{} is a {}; --to wgsl, --to c, --sun-zenith-deg, --turbidity and --ground are for sky fits",
             folder.display(),
@@ -239,45 +251,47 @@ pub fn export(folder: &Path, format: Format, path: &Path, sky: &SkyOptions) -> R
         );
         return Err(Error::Usage(what));
     }
-    if format == Format::Json {
+    if format == ExportFormat::Json {
         record.verify(folder)?;
         atomic::write_bytes(path, &as_json(&record, folder)?)?;
         return Ok(vec![path.to_path_buf()].into());
     }
-    if record.kind == FitKind::Look && matches!(format, Format::Packed | Format::Sigma) {
+    if record.kind == FitKind::Look && matches!(format, ExportFormat::Packed | ExportFormat::Sigma) {
         let what = "is stated, not fitted: a picture says nothing of γ, σa and σs, which this format holds";
         return Err(Error::Usage(format!("{}: {what}; expected another format", folder.display())));
     }
-    let sides = SideMaps::all(&record, folder)?;
+    let sides = ExportSideMaps::all(&record, folder)?;
     record.verify(folder)?;
     let alone = || vec![path.to_path_buf()];
     Ok(match format {
-        Format::Json | Format::Pivots | Format::Web | Format::Wgsl | Format::C => Vec::new().into(),
-        Format::Png => texture::folder(&sides, folder, path)?.into(),
-        Format::Packed => packed::folder(&sides, folder, path)?.into(),
-        Format::Sigma => sigma::folder(&sides, folder, path)?,
-        Format::Exr => one_exr(&sides, folder, path).map(|()| alone())?.into(),
-        Format::Csv => table::write(&sides, &record, path).map(|()| alone())?.into(),
-        Format::Obj => {
+        ExportFormat::Json | ExportFormat::Pivots | ExportFormat::Web | ExportFormat::Wgsl | ExportFormat::C => {
+            Vec::new().into()
+        }
+        ExportFormat::Png => texture::folder(&sides, folder, path)?.into(),
+        ExportFormat::Packed => packing::folder(&sides, folder, path)?.into(),
+        ExportFormat::Sigma => sigma::folder(&sides, folder, path)?,
+        ExportFormat::Exr => one_exr(&sides, folder, path).map(|()| alone())?.into(),
+        ExportFormat::Csv => table::write(&sides, &record, path).map(|()| alone())?.into(),
+        ExportFormat::Obj => {
             let loss = record_of_loss(path)?;
             let files = obj::write(&sides, &record, folder, path)?;
-            let shown = shown::Shown::of_fit(folder, &sides)?;
+            let shown = scene::ExportScene::of_fit(folder, &sides)?;
             let mut unsaid = vec![
                 "transmitted light".to_string(),
                 "its gloss is Phong's, which readers scale differently: the errors are those of its matte colour alone"
                     .to_string(),
             ];
             unsaid.extend(shown.left_out.iter().cloned());
-            let coats = coat::coats(&shown, crate::foreign::target::Target::Obj);
-            beside(loss, files, Lost::new("obj", &coats, &unsaid))?
+            let coats = coat::coats(&shown, crate::foreign::target::ExportTarget::Obj);
+            beside(loss, files, ExportLoss::new("obj", &coats, &unsaid))?
         }
-        _ => assemble(&shown::Shown::of_fit(folder, &sides)?, format, path, false, &[folder])?,
+        _ => assemble(&scene::ExportScene::of_fit(folder, &sides)?, format, path, false, &[folder])?,
     })
 }
 
 /// The record as it is, and the times; numbers that are not finite become `null`.
 fn as_json(record: &FitRecord, folder: &Path) -> Result<Vec<u8>> {
-    let times = Times::read(folder).ok();
+    let times = FitTimes::read(folder).ok();
     let mut text = serde_json::to_vec_pretty(&json!({"fit": record, "times": times}))
         .map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
     text.push(b'\n');
@@ -285,12 +299,12 @@ fn as_json(record: &FitRecord, folder: &Path) -> Result<Vec<u8>> {
 }
 
 /// `front.rho_d.R` and, for its standard error, `front.err.rho_d.R`.
-fn one_exr(sides: &[SideMaps], folder: &Path, path: &Path) -> Result<()> {
+fn one_exr(sides: &[ExportSideMaps], folder: &Path, path: &Path) -> Result<()> {
     let (width, height) = (sides[0].maps.width, sides[0].maps.height);
-    let mut all = Maps::new(width, height);
+    let mut all = ChannelMaps::new(width, height);
     for side in sides {
         let own = side.side.name();
-        side.maps.require_size(&File::Maps.path(folder, side.side), width, height)?;
+        side.maps.require_size(&LeafFitFile::Maps.path(folder, side.side), width, height)?;
         for (name, samples) in &side.maps.channels {
             all.push(format!("{own}.{name}"), samples.clone());
         }

@@ -7,9 +7,9 @@
 //! library tells that its search path names.
 
 use crate::Result;
-use crate::coat::{Coat, Lost, Paint, Textures, coats};
-use crate::foreign::target::{Coded, Target};
-use crate::shown::Shown;
+use crate::coat::{ExportCoat, ExportLoss, TexturePaint, TextureWriter, coats};
+use crate::foreign::target::{ExportTarget, TargetSide};
+use crate::scene::ExportScene;
 use mesophyll_files::atomic;
 use mesophyll_optics::side::Side;
 use std::fmt::Write;
@@ -78,9 +78,9 @@ impl Taken {
 ///
 /// # Errors
 /// [`crate::Error::Write`].
-pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
-    let coats = coats(shown, Target::OpenPbr);
-    let mut textures = Textures::new(folder);
+pub fn write(shown: &ExportScene, folder: &Path) -> Result<(Vec<PathBuf>, ExportLoss)> {
+    let coats = coats(shown, ExportTarget::OpenPbr);
+    let mut textures = TextureWriter::new(folder);
     let mut text = String::from("<?xml version=\"1.0\"?>\n<materialx version=\"1.39\" colorspace=\"lin_rec709\">\n");
     let (taken, library) = Taken::of_reader();
     for coat in &coats {
@@ -90,7 +90,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     let mut unsaid = shown.left_out.clone();
     unsaid.push(taken.says(library.as_deref()));
     unsaid.push("shapes, places, camera and light: the file holds materials, --to usd holds the scene".into());
-    let lost = Lost::new("materialx", &coats, &unsaid);
+    let lost = ExportLoss::new("materialx", &coats, &unsaid);
     let path = folder.join("leaf.mtlx");
     atomic::write_bytes(&path, text.as_bytes())?;
     let mut written = vec![path];
@@ -99,15 +99,15 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
 }
 
 /// An input with a value, or with a picture that is declared in `nodes`.
-fn input(nodes: &mut String, name: &str, input: &str, kind: &str, paint: &Paint) -> String {
+fn input(nodes: &mut String, name: &str, input: &str, kind: &str, paint: &TexturePaint) -> String {
     match paint {
-        Paint::Flat([v, ..]) if kind == "float" => {
+        TexturePaint::Flat([v, ..]) if kind == "float" => {
             format!("    <input name=\"{input}\" type=\"float\" value=\"{v}\" />\n")
         }
-        Paint::Flat([r, g, b]) => {
+        TexturePaint::Flat([r, g, b]) => {
             format!("    <input name=\"{input}\" type=\"{kind}\" value=\"{r}, {g}, {b}\" />\n")
         }
-        Paint::File(file) => {
+        TexturePaint::File(file) => {
             let node = format!("{name}_{input}");
             let read = if kind == "float" { "color3" } else { kind };
             let picture = if read == kind { node.clone() } else { format!("{node}_picture") };
@@ -129,10 +129,10 @@ fn input(nodes: &mut String, name: &str, input: &str, kind: &str, paint: &Paint)
     }
 }
 
-fn material(text: &mut String, coat: &Coat, taken: Taken, textures: &mut Textures) -> Result<()> {
+fn material(text: &mut String, coat: &ExportCoat, taken: Taken, textures: &mut TextureWriter) -> Result<()> {
     let sheet = coat.sheet;
     for side in Side::ALL {
-        let of = |k: usize| -> &Coded { &coat.coded[k][side] };
+        let of = |k: usize| -> &TargetSide { &coat.coded[k][side] };
         let name = format!("{}_{}", sheet.name, side.name());
         let what = |w: &str| format!("{}_{w}", side.name());
         let (mut nodes, mut inputs) = (String::new(), String::new());

@@ -7,11 +7,11 @@
 //! factor is the dielectric's.
 
 use crate::Result;
-use crate::coat::{Coat, Lost, Paint, Textures, coats};
-use crate::foreign::micro::Slopes;
-use crate::foreign::target::{Coded, Target};
+use crate::coat::{ExportCoat, ExportLoss, TexturePaint, TextureWriter, coats};
+use crate::foreign::micro::SlopeDistribution;
+use crate::foreign::target::{ExportTarget, TargetSide};
 use crate::ply;
-use crate::shown::{Shown, Sky};
+use crate::scene::{ExportScene, ExportSky};
 use glam::DMat4;
 use mesophyll_files::atomic;
 use mesophyll_optics::side::Side;
@@ -22,9 +22,9 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// [`crate::Error::Write`].
-pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
-    let coats = coats(shown, Target::Mitsuba);
-    let mut textures = Textures::new(folder);
+pub fn write(shown: &ExportScene, folder: &Path) -> Result<(Vec<PathBuf>, ExportLoss)> {
+    let coats = coats(shown, ExportTarget::Mitsuba);
+    let mut textures = TextureWriter::new(folder);
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<scene version=\"3.0.0\">\n");
     let _ = writeln!(
         text,
@@ -51,7 +51,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     if shown.sheets.iter().any(|s| s.normals.iter().any(|(_, n)| n.is_some())) {
         unsaid.push("the mapped normals of transmitted light, which leaves by the mesh's own".into());
     }
-    let lost = Lost::new("mitsuba", &coats, &unsaid);
+    let lost = ExportLoss::new("mitsuba", &coats, &unsaid);
     let scene = folder.join("scene.xml");
     atomic::write_bytes(&scene, text.as_bytes())?;
     let mut written = vec![scene];
@@ -64,7 +64,7 @@ fn three(v: [f64; 3]) -> String {
     format!("{}, {}, {}", v[0], v[1], v[2])
 }
 
-fn camera(text: &mut String, shown: &Shown) {
+fn camera(text: &mut String, shown: &ExportScene) {
     let c = &shown.camera;
     let _ = write!(
         text,
@@ -86,7 +86,7 @@ fn camera(text: &mut String, shown: &Shown) {
     );
 }
 
-fn light(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()> {
+fn light(text: &mut String, shown: &ExportScene, textures: &mut TextureWriter) -> Result<()> {
     if let Some(sun) = &shown.sun {
         let _ = writeln!(
             text,
@@ -97,17 +97,19 @@ fn light(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()
         );
     }
     match &shown.sky {
-        Sky::None => {}
-        Sky::Even(radiance) => {
+        ExportSky::None => {}
+        ExportSky::Even(radiance) => {
             let _ = writeln!(
                 text,
                 "  <emitter type=\"constant\"><rgb name=\"radiance\" value=\"{}\"/></emitter>",
                 three(*radiance)
             );
         }
-        Sky::Map(map) => {
+        ExportSky::Map(map) => {
             // The first column of the plugin's picture looks to +x.
-            if let Paint::File(file) = textures.picture("sky", map.size, |k| map.from_column(map.size[0] / 2, k))? {
+            if let TexturePaint::File(file) =
+                textures.picture("sky", map.size, |k| map.from_column(map.size[0] / 2, k))?
+            {
                 let _ = writeln!(
                     text,
                     "  <emitter type=\"envmap\"><string name=\"filename\" value=\"{file}\"/><transform \
@@ -120,10 +122,10 @@ fn light(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()
 }
 
 /// A colour or a picture under a name.
-fn paint(name: &str, paint: &Paint) -> String {
+fn paint(name: &str, paint: &TexturePaint) -> String {
     match paint {
-        Paint::Flat(c) => format!("<rgb name=\"{name}\" value=\"{}\"/>", three(*c)),
-        Paint::File(file) => bitmap(name, file),
+        TexturePaint::Flat(c) => format!("<rgb name=\"{name}\" value=\"{}\"/>", three(*c)),
+        TexturePaint::File(file) => bitmap(name, file),
     }
 }
 
@@ -135,25 +137,25 @@ fn bitmap(name: &str, file: &str) -> String {
 }
 
 /// The plugins refuse a colour above 1 but take it from a raw picture.
-fn within(paint: Paint, textures: &mut Textures, name: &str) -> Result<Paint> {
+fn within(paint: TexturePaint, textures: &mut TextureWriter, name: &str) -> Result<TexturePaint> {
     match paint {
-        Paint::Flat(c) if c.iter().any(|v| *v > 1.0) => textures.picture(name, [1, 1], |_| c.map(|v| v as f32)),
+        TexturePaint::Flat(c) if c.iter().any(|v| *v > 1.0) => textures.picture(name, [1, 1], |_| c.map(|v| v as f32)),
         other => Ok(other),
     }
 }
 
 /// Shares of transmission, and of gloss in what is reflected.
-fn weights(coat: &Coat) -> [f64; 2] {
+fn weights(coat: &ExportCoat) -> [f64; 2] {
     let [t, d, s] = [coat.most(|c| c.through), coat.most(|c| c.diffuse), coat.most(|c| c.gloss)];
     let share = |a: f64, b: f64| if a > 0.0 { a / (a + b) } else { 0.0 };
     [share(t, d + s), share(s, d)]
 }
 
-fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> {
+fn material(text: &mut String, coat: &ExportCoat, textures: &mut TextureWriter) -> Result<()> {
     let [through, gloss] = weights(coat);
     let sheet = coat.sheet;
-    let one = |side: Side, textures: &mut Textures| -> Result<String> {
-        let of = |k: usize| -> &Coded { &coat.coded[k][side] };
+    let one = |side: Side, textures: &mut TextureWriter| -> Result<String> {
+        let of = |k: usize| -> &TargetSide { &coat.coded[k][side] };
         let name = |what: &str| format!("{}_{what}", side.name());
         let left = 1.0 - through;
         let scaled = |c: [f64; 3], by: f64| if by > 0.0 { c.map(|v| v / by) } else { c };
@@ -164,10 +166,10 @@ fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<(
             let colour = textures.colour(sheet, &name("gloss"), |k| scaled(of(k).gloss, left * gloss))?;
             let colour = within(colour, textures, &format!("{}_{}", sheet.name, name("gloss")))?;
             let alpha = match textures.colour(sheet, &name("alpha"), |k| [of(k).alpha; 3])? {
-                Paint::Flat([a, ..]) => format!("<float name=\"alpha\" value=\"{a}\"/>"),
-                Paint::File(file) => bitmap("alpha", &file),
+                TexturePaint::Flat([a, ..]) => format!("<float name=\"alpha\" value=\"{a}\"/>"),
+                TexturePaint::File(file) => bitmap("alpha", &file),
             };
-            let slopes = Slopes::of(sheet.lobe()).name();
+            let slopes = SlopeDistribution::of(sheet.lobe()).name();
             let metal = match coat.coder.index() {
                 Some(n) => format!("<spectrum name=\"eta\" value=\"{n}\"/><spectrum name=\"k\" value=\"0\"/>"),
                 None => "<string name=\"material\" value=\"none\"/>".into(),
@@ -180,7 +182,7 @@ fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<(
             );
         }
         Ok(match textures.normals(sheet, side)? {
-            Some(Paint::File(file)) => format!(
+            Some(TexturePaint::File(file)) => format!(
                 "<bsdf type=\"normalmap\"><boolean name=\"use_shadowing_function\" value=\"false\"/>{}{bsdf}</bsdf>",
                 bitmap("normalmap", &file)
             ),
@@ -202,7 +204,7 @@ fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<(
     if let Some(mask) = &sheet.mask {
         let on =
             textures.picture(&format!("{}_mask", sheet.name), sheet.size, |k| [f32::from(u8::from(mask[k])); 3])?;
-        if let Paint::File(file) = on {
+        if let TexturePaint::File(file) = on {
             bsdf = format!("<bsdf type=\"mask\">{}{bsdf}</bsdf>", bitmap("opacity", &file));
         }
     }
@@ -222,7 +224,7 @@ fn matrix(m: &DMat4) -> String {
     format!("<transform name=\"to_world\"><matrix value=\"{}\"/></transform>", rows.join("  "))
 }
 
-fn places(text: &mut String, shown: &Shown) {
+fn places(text: &mut String, shown: &ExportScene) {
     let shape = |name: &str| {
         format!("<shape type=\"ply\"><string name=\"filename\" value=\"meshes/{name}.ply\"/><ref id=\"m_{name}\"/>")
     };

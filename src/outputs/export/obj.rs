@@ -5,9 +5,9 @@
 //! 2007, §5.2), `norm` the normals, `map_Pr` the roughness √m for readers of the physically based extension. ρt has no
 //! place in the format.
 
-use super::blade::Mesh;
-use super::side::SideMaps;
-use super::texture::{Turn, data_byte, encode, normal_pixel, pixels};
+use super::blade::ExportMesh;
+use super::side::ExportSideMaps;
+use super::texture::{TextureMirroring, data_byte, encode, normal_pixel, pixels};
 use crate::{Error, Result};
 use mesophyll_files::image::to_srgb8;
 use mesophyll_files::quantity::Quantity;
@@ -19,7 +19,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// Writes `PATH`, and beside it `STEM.mtl` and `STEM_front_rho_d.png` ….
-pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path) -> Result<Vec<PathBuf>> {
+pub fn write(sides: &[ExportSideMaps], record: &FitRecord, folder: &Path, path: &Path) -> Result<Vec<PathBuf>> {
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     // For most readers of these formats, a blank ends a file name.
     if stem.is_empty() || stem.contains(char::is_whitespace) {
@@ -29,7 +29,7 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path)
         )));
     }
     let blade = mesophyll_files::mesh::read(&folder.join(BLADE), None)?;
-    let front = Mesh::of(&blade);
+    let front = ExportMesh::of(&blade);
     let mut written = vec![path.to_path_buf()];
     let name = |what: &str| path.with_file_name(format!("{stem}{what}"));
     let mut materials = format!("# {} by {}\n", one_line(&record.name), one_line(&record.program));
@@ -37,7 +37,8 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path)
         format!("# {}: lengths in mm, normals out of each side\nmtllib {stem}.mtl\n", one_line(&record.name));
     for side in sides {
         let (back, own) = (side.side == Side::Back, side.side.name());
-        let (mesh, turn) = if back { (front.turned(), Turn::Mirrored) } else { (front.clone(), Turn::AsSeen) };
+        let (mesh, turn) =
+            if back { (front.turned(), TextureMirroring::Mirrored) } else { (front.clone(), TextureMirroring::AsSeen) };
         mesh_text(&mut text, &mesh, own, if back && sides.len() > 1 { front.positions.len() } else { 0 });
         let (width, height) = (side.maps.width, side.maps.height);
         let mut save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| {
@@ -81,7 +82,7 @@ pub fn write(sides: &[SideMaps], record: &FitRecord, folder: &Path, path: &Path)
     Ok(written)
 }
 
-fn mesh_text(text: &mut String, mesh: &Mesh, side: &str, offset: usize) {
+fn mesh_text(text: &mut String, mesh: &ExportMesh, side: &str, offset: usize) {
     for p in &mesh.positions {
         let _ = writeln!(text, "v {} {} {}", p[0], p[1], p[2]);
     }

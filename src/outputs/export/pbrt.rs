@@ -5,10 +5,10 @@
 //! a square of equal areas (Clarberg 2008).
 
 use crate::Result;
-use crate::coat::{Coat, Lost, Paint, Textures, coats};
-use crate::foreign::target::Target;
+use crate::coat::{ExportCoat, ExportLoss, TexturePaint, TextureWriter, coats};
+use crate::foreign::target::ExportTarget;
 use crate::ply;
-use crate::shown::{Shown, Sky, SkyMap};
+use crate::scene::{ExportScene, ExportSky, SkyMap};
 use glam::{DMat4, DVec3};
 use mesophyll_files::atomic;
 use mesophyll_optics::side::Side;
@@ -23,9 +23,9 @@ const SKY: usize = 512;
 ///
 /// # Errors
 /// [`crate::Error::Write`].
-pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
-    let coats = coats(shown, Target::Pbrt);
-    let mut textures = Textures::new(folder);
+pub fn write(shown: &ExportScene, folder: &Path) -> Result<(Vec<PathBuf>, ExportLoss)> {
+    let coats = coats(shown, ExportTarget::Pbrt);
+    let mut textures = TextureWriter::new(folder);
     let mut text = format!("# mesophyll {}: lengths in mm, z up\n", env!("CARGO_PKG_VERSION"));
     let c = &shown.camera;
     // The field of view is that of the shorter edge. The picture's x runs against that of a right-handed world.
@@ -86,7 +86,7 @@ pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
     if shown.sheets.iter().any(|s| s.normals.back.is_some()) {
         unsaid.push("the mapped normals of the back: the front's are on both sides".into());
     }
-    let lost = Lost::new("pbrt", &coats, &unsaid);
+    let lost = ExportLoss::new("pbrt", &coats, &unsaid);
     let scene = folder.join("scene.pbrt");
     atomic::write_bytes(&scene, text.as_bytes())?;
     written.insert(0, scene);
@@ -98,7 +98,7 @@ fn columns(m: &DMat4) -> String {
     m.to_cols_array().map(|v| v.to_string()).join(" ")
 }
 
-fn light(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()> {
+fn light(text: &mut String, shown: &ExportScene, textures: &mut TextureWriter) -> Result<()> {
     if let Some(sun) = &shown.sun {
         let d = sun.direction.normalize();
         let [r, g, b] = sun.irradiance;
@@ -109,12 +109,12 @@ fn light(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()
         );
     }
     match &shown.sky {
-        Sky::None => {}
-        Sky::Even([r, g, b]) => {
+        ExportSky::None => {}
+        ExportSky::Even([r, g, b]) => {
             let _ = writeln!(text, "LightSource \"infinite\" \"rgb L\" [ {r} {g} {b} ]");
         }
-        Sky::Map(map) => {
-            if let Paint::File(file) = textures.picture("sky", [SKY, SKY], |k| square(map, k))? {
+        ExportSky::Map(map) => {
+            if let TexturePaint::File(file) = textures.picture("sky", [SKY, SKY], |k| square(map, k))? {
                 let _ = writeln!(text, "LightSource \"infinite\" \"string filename\" \"{file}\"");
             }
         }
@@ -143,26 +143,26 @@ fn direction(u: f64, v: f64) -> DVec3 {
     DVec3::new((phi.cos() * across).copysign(u), (phi.sin() * across).copysign(v), z)
 }
 
-fn texture(text: &mut String, name: &str, kind: &str, paint: &Paint) {
+fn texture(text: &mut String, name: &str, kind: &str, paint: &TexturePaint) {
     let _ = match paint {
-        Paint::File(file) => writeln!(
+        TexturePaint::File(file) => writeln!(
             text,
             "Texture \"{name}\" \"{kind}\" \"imagemap\" \"string filename\" \"{file}\" \"string wrap\" \"clamp\""
         ),
-        Paint::Flat([v, ..]) if kind == "float" => {
+        TexturePaint::Flat([v, ..]) if kind == "float" => {
             writeln!(text, "Texture \"{name}\" \"float\" \"constant\" \"float value\" [ {v} ]")
         }
-        Paint::Flat([r, g, b]) => {
+        TexturePaint::Flat([r, g, b]) => {
             writeln!(text, "Texture \"{name}\" \"{kind}\" \"constant\" \"rgb value\" [ {r} {g} {b} ]")
         }
     };
 }
 
-fn material(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> {
+fn material(text: &mut String, coat: &ExportCoat, textures: &mut TextureWriter) -> Result<()> {
     let (sheet, name) = (coat.sheet, &coat.sheet.name);
     let of = |k: usize| &coat.coded[k].front;
     let normal = match textures.normals(sheet, Side::Front)? {
-        Some(Paint::File(file)) => format!(" \"string normalmap\" \"{file}\""),
+        Some(TexturePaint::File(file)) => format!(" \"string normalmap\" \"{file}\""),
         _ => String::new(),
     };
     let mut add = |what: &str, kind: &str, value: &dyn Fn(usize) -> [f64; 3]| -> Result<String> {

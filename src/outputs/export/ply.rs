@@ -1,7 +1,7 @@
 //! Meshes as binary PLY, which Mitsuba and pbrt read: x y z nx ny nz u v as floats, triangles as lists of ints.
 
 use crate::Result;
-use crate::blade::Mesh;
+use crate::blade::ExportMesh;
 use mesophyll_files::atomic;
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`crate::Error::Write`].
-pub fn write(mesh: &Mesh, path: &Path, upward: bool) -> Result<()> {
+pub fn write(mesh: &ExportMesh, path: &Path, upward: bool) -> Result<()> {
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\ncomment mesophyll, lengths in mm\nelement vertex {}\n\
          property float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\n\

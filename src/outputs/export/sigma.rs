@@ -1,14 +1,14 @@
 //! σa and σs of each side as textures, for renderers that follow light inside a leaf (volume coefficients of MDL and of
 //! RTX's renderers are in 1/m), with the thickness that belongs to them.
 
-use crate::coat::Lost;
-use crate::side::SideMaps;
-use crate::{Exported, Result};
+use crate::coat::ExportLoss;
+use crate::side::ExportSideMaps;
+use crate::{ExportResult, Result};
 use mesophyll_files::atomic;
-use mesophyll_files::claim::{self, Kind};
-use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::claim::{self, OutputKind};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::quantity::{Quantity, RGB};
-use mesophyll_fits::leaf_folder::{File, fill};
+use mesophyll_fits::leaf_folder::{LeafFitFile, filling};
 use mesophyll_optics::slab;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -22,24 +22,24 @@ const PER_METRE: f64 = 1000.0;
 /// # Errors
 /// [`crate::Error::Input`] for a fit without these maps; [`crate::Error::Usage`] and [`crate::Error::Write`] for the
 /// folder.
-pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Exported> {
-    let _claim = claim::folder(path, Kind::Export, &[from])?;
+pub fn folder(sides: &[ExportSideMaps], from: &Path, path: &Path) -> Result<ExportResult> {
+    let _claim = claim::folder(path, OutputKind::Export, &[from])?;
     let mut textures = Vec::new();
     let (mut ranges, mut surface, mut lines) = (json!({}), json!({"name": "leaf"}), Vec::new());
     for side in sides {
-        let file = File::Maps.path(from, side.side);
+        let file = LeafFitFile::Maps.path(from, side.side);
         let (width, height) = (side.maps.width, side.maps.height);
         let mut planes = side.maps.require_planes(&file, &[Quantity::SigmaA, Quantity::SigmaS, Quantity::Thickness])?;
         let good: Vec<bool> =
             (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite() && p[k] >= 0.0)).collect();
-        fill::require(&file, &mut planes, &good, width, height)?;
+        filling::require(&file, &mut planes, &good, width, height)?;
         let lost = loss(side, from, &planes)?;
         for (what, first, letters, factor) in [
             ("sigma_a", 0, &RGB[..], PER_METRE),
             ("sigma_s", 3, &RGB[..], PER_METRE),
             ("thickness", 6, &["Y"][..], 1.0 / PER_METRE),
         ] {
-            let mut maps = Maps::new(width, height);
+            let mut maps = ChannelMaps::new(width, height);
             let mut range = [f64::INFINITY, f64::NEG_INFINITY];
             for (letter, plane) in letters.iter().zip(&planes[first..]) {
                 let scaled: Vec<f32> = plane.iter().map(|v| (f64::from(*v) * factor) as f32).collect();
@@ -67,8 +67,8 @@ pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Exported> 
             "mean_error": {"reflected": lost.mean[0], "transmitted": lost.mean[1]},
         });
     }
-    claim::begin(path, Kind::Export)?;
-    let mut done = Exported::default();
+    claim::begin(path, OutputKind::Export)?;
+    let mut done = ExportResult::default();
     for (to, maps) in textures {
         write_exr(&to, &maps, Packing::Zip)?;
         done.files.push(to);
@@ -87,7 +87,7 @@ pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Exported> 
     let meaning = "reflectance_rms, transmittance_rms: relative root mean square of what a slab of these textures \
                    reflects and transmits against the fitted maps; mean_error: theirs less ours for red, green and \
                    blue (docs/export.md)";
-    let lost = Lost::other("sigma", meaning, vec![surface], lines, &unsaid);
+    let lost = ExportLoss::other("sigma", meaning, vec![surface], lines, &unsaid);
     done.files.push(path.join("loss.json"));
     lost.write(&path.join("loss.json"))?;
     done.lost = Some(lost);
@@ -107,7 +107,7 @@ struct Loss {
     mean: [[f64; 3]; 2],
 }
 
-fn loss(side: &SideMaps, from: &Path, planes: &[Vec<f32>]) -> Result<Loss> {
+fn loss(side: &ExportSideMaps, from: &Path, planes: &[Vec<f32>]) -> Result<Loss> {
     let fitted = [side.rgb(Quantity::RhoD, from)?, side.rgb(Quantity::RhoT, from)?];
     let (mut squares, mut mean, mut count) = ([[0.0; 2]; 2], [[0.0; 3]; 2], 0.0f64);
     let whole = |k: usize| fitted.iter().flatten().all(|plane| plane[k].is_finite());

@@ -1,7 +1,7 @@
 //! The texels as CSV: `side,column,row,x_mm,y_mm,mask`, then every map and its standard error (`sigma_a_r`,
 //! `sigma_a_r_err`).
 
-use super::side::SideMaps;
+use super::side::ExportSideMaps;
 use crate::Result;
 use mesophyll_capture::manifest::texel_position;
 use mesophyll_files::atomic;
@@ -15,7 +15,7 @@ type Plane<'a> = Option<&'a [f32]>;
 
 /// Writes every texel on the leaf, front first. Places are in mm where the fit states the size of a texel; otherwise
 /// the cells are empty.
-pub fn write(sides: &[SideMaps], record: &FitRecord, path: &Path) -> Result<()> {
+pub fn write(sides: &[ExportSideMaps], record: &FitRecord, path: &Path) -> Result<()> {
     let texel: Option<f64> = record.options.get("texel_mm").and_then(|t| t.parse().ok());
     let mut channels: Vec<&str> = Vec::new();
     for (name, _) in sides.iter().flat_map(|s| &s.maps.channels) {

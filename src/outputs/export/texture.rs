@@ -1,9 +1,9 @@
 //! Maps as 8-bit pictures. Colours (ρd, ρt, ρs) are sRGB-encoded; everything else is data, linear in the byte.
 
-use super::side::SideMaps;
+use super::side::ExportSideMaps;
 use crate::Error;
 use crate::Result;
-use mesophyll_files::claim::{self, Kind};
+use mesophyll_files::claim::{self, OutputKind};
 use mesophyll_files::image::to_srgb8;
 use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_files::{atomic, image};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Whether a picture is mirrored: the back's maps are, when they are laid on the front's texture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Turn {
+pub enum TextureMirroring {
     /// As the side's own camera saw it.
     AsSeen,
     /// Left and right exchanged.
@@ -20,9 +20,9 @@ pub enum Turn {
 }
 
 /// RGB bytes of a side, texel by texel.
-pub fn pixels(side: &SideMaps, turn: Turn, pixel: impl Fn(usize) -> [u8; 3]) -> Vec<u8> {
+pub fn pixels(side: &ExportSideMaps, turn: TextureMirroring, pixel: impl Fn(usize) -> [u8; 3]) -> Vec<u8> {
     let width = side.maps.width;
-    let source = |k: usize| if turn == Turn::AsSeen { k } else { mesophyll_optics::side::behind(k, width) };
+    let source = |k: usize| if turn == TextureMirroring::AsSeen { k } else { mesophyll_optics::side::behind(k, width) };
     (0..width * side.maps.height).flat_map(|k| pixel(source(k))).collect()
 }
 
@@ -43,8 +43,8 @@ pub(crate) fn data_byte(value: f32, low: f64, high: f64) -> u8 {
 }
 
 /// A unit normal as colours, x = 2·byte/255 − 1 (mirrored pictures mirror x as well).
-pub(crate) fn normal_pixel(n: [f32; 3], turn: Turn) -> [u8; 3] {
-    let x = if turn == Turn::Mirrored { -n[0] } else { n[0] };
+pub(crate) fn normal_pixel(n: [f32; 3], turn: TextureMirroring) -> [u8; 3] {
+    let x = if turn == TextureMirroring::Mirrored { -n[0] } else { n[0] };
     [x, n[1], n[2]].map(|v| data_byte(v, -1.0, 1.0))
 }
 
@@ -53,9 +53,9 @@ pub(crate) fn normal_pixel(n: [f32; 3], turn: Turn) -> [u8; 3] {
 /// # Errors
 /// A folder that holds something else (see [`claim::folder`]), among it the fit itself (`from`), or that cannot be
 /// written.
-pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBuf>> {
-    let _claim = claim::folder(path, Kind::Maps, &[from])?;
-    claim::begin(path, Kind::Maps)?;
+pub fn folder(sides: &[ExportSideMaps], from: &Path, path: &Path) -> Result<Vec<PathBuf>> {
+    let _claim = claim::folder(path, OutputKind::Maps, &[from])?;
+    claim::begin(path, OutputKind::Maps)?;
     let mut written = Vec::new();
     let mut ranges = Map::new();
     for side in sides {
@@ -75,7 +75,7 @@ pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBu
                 side.maps.channels.iter().filter(|(n, _)| quantity::split(n).0 == name).map(|(_, p)| &p[..]).collect();
             match (name.parse(), planes.as_slice()) {
                 (Ok(Quantity::Mask), [mask]) => {
-                    let bytes = pixels(side, Turn::AsSeen, |k| {
+                    let bytes = pixels(side, TextureMirroring::AsSeen, |k| {
                         [if mask[k] > 0.5 {
                             255
                         } else if mask[k] < -0.5 {
@@ -87,12 +87,15 @@ pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBu
                     save(name, &bytes, json!({"encoding": "255 good, 128 defective, 0 outside"}))?;
                 }
                 (Ok(Quantity::Normal), [x, y, z]) => {
-                    let bytes = pixels(side, Turn::AsSeen, |k| normal_pixel([x[k], y[k], z[k]], Turn::AsSeen));
+                    let bytes = pixels(side, TextureMirroring::AsSeen, |k| {
+                        normal_pixel([x[k], y[k], z[k]], TextureMirroring::AsSeen)
+                    });
                     let axes = "x right, y up, z out of this side";
                     save(name, &bytes, json!({"encoding": "linear", "low": -1.0, "high": 1.0, "axes": axes}))?;
                 }
                 (Ok(Quantity::RhoD | Quantity::RhoT | Quantity::RhoS), [r, g, b]) => {
-                    let bytes = pixels(side, Turn::AsSeen, |k| [to_srgb8(r[k]), to_srgb8(g[k]), to_srgb8(b[k])]);
+                    let bytes =
+                        pixels(side, TextureMirroring::AsSeen, |k| [to_srgb8(r[k]), to_srgb8(g[k]), to_srgb8(b[k])]);
                     save(name, &bytes, json!({"encoding": "sRGB (IEC 61966-2-1), 1 = 255"}))?;
                 }
                 (_, [r, g, b]) => {
@@ -101,12 +104,13 @@ pub fn folder(sides: &[SideMaps], from: &Path, path: &Path) -> Result<Vec<PathBu
                         each.iter().map(|r| r.0).fold(f64::INFINITY, f64::min),
                         each.iter().map(|r| r.1).fold(f64::NEG_INFINITY, f64::max),
                     );
-                    let bytes = pixels(side, Turn::AsSeen, |k| [r[k], g[k], b[k]].map(|v| data_byte(v, low, high)));
+                    let bytes =
+                        pixels(side, TextureMirroring::AsSeen, |k| [r[k], g[k], b[k]].map(|v| data_byte(v, low, high)));
                     save(name, &bytes, json!({"encoding": "linear", "low": low, "high": high}))?;
                 }
                 (_, [plane]) => {
                     let (low, high) = side.range(plane);
-                    let bytes = pixels(side, Turn::AsSeen, |k| [data_byte(plane[k], low, high); 3]);
+                    let bytes = pixels(side, TextureMirroring::AsSeen, |k| [data_byte(plane[k], low, high); 3]);
                     save(name, &bytes, json!({"encoding": "linear", "low": low, "high": high}))?;
                 }
                 _ => {}

@@ -3,9 +3,9 @@
 //! UsdPreviewSurface has one side and transmits nothing; the front's colours are on both sides. v runs upwards.
 
 use crate::Result;
-use crate::coat::{Coat, Lost, Paint, Textures, coats};
-use crate::foreign::target::Target;
-use crate::shown::{Shown, Sky};
+use crate::coat::{ExportCoat, ExportLoss, TexturePaint, TextureWriter, coats};
+use crate::foreign::target::ExportTarget;
+use crate::scene::{ExportScene, ExportSky};
 use glam::{DMat4, DVec3};
 use mesophyll_files::atomic;
 use mesophyll_optics::side::Side;
@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// [`crate::Error::Write`].
-pub fn write(shown: &Shown, folder: &Path) -> Result<(Vec<PathBuf>, Lost)> {
-    let coats = coats(shown, Target::Usd);
-    let mut textures = Textures::new(folder);
+pub fn write(shown: &ExportScene, folder: &Path) -> Result<(Vec<PathBuf>, ExportLoss)> {
+    let coats = coats(shown, ExportTarget::Usd);
+    let mut textures = TextureWriter::new(folder);
     let mut text = String::from(
         r#"#usda 1.0
 (
@@ -57,7 +57,7 @@ class Scope "Sheets"
          Schlick's Fresnel factor, and none was compared"
             .into(),
     );
-    let lost = Lost::new("usd", &coats, &unsaid);
+    let lost = ExportLoss::new("usd", &coats, &unsaid);
     let path = folder.join("scene.usda");
     atomic::write_bytes(&path, text.as_bytes())?;
     let mut written = vec![path];
@@ -86,7 +86,7 @@ fn list<T>(values: impl IntoIterator<Item = T>, shown: impl Fn(T) -> String) -> 
     values.into_iter().map(shown).collect::<Vec<_>>().join(", ")
 }
 
-fn sheet(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> {
+fn sheet(text: &mut String, coat: &ExportCoat, textures: &mut TextureWriter) -> Result<()> {
     let (sheet, mesh) = (coat.sheet, &coat.sheet.mesh);
     let three = |v: &[f32; 3]| format!("({}, {}, {})", v[0], v[1], v[2]);
     let _ = writeln!(
@@ -120,11 +120,15 @@ fn sheet(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> 
     let of = |k: usize| &coat.coded[k].front;
     let mut inputs = String::from("                int inputs:useSpecularWorkflow = 1\n");
     let mut nodes = String::new();
-    let mut add = |input: &str, kind: &str, paint: &Paint, decode: bool| {
+    let mut add = |input: &str, kind: &str, paint: &TexturePaint, decode: bool| {
         let _ = match paint {
-            Paint::Flat([v, ..]) if kind == "float" => writeln!(inputs, "                float inputs:{input} = {v}"),
-            Paint::Flat([r, g, b]) => writeln!(inputs, "                {kind} inputs:{input} = ({r}, {g}, {b})"),
-            Paint::File(file) => {
+            TexturePaint::Flat([v, ..]) if kind == "float" => {
+                writeln!(inputs, "                float inputs:{input} = {v}")
+            }
+            TexturePaint::Flat([r, g, b]) => {
+                writeln!(inputs, "                {kind} inputs:{input} = ({r}, {g}, {b})")
+            }
+            TexturePaint::File(file) => {
                 let output = if kind == "float" { "r" } else { "rgb" };
                 let scale = if decode {
                     "                float4 inputs:scale = (2, 2, 2, 1)
@@ -184,7 +188,7 @@ fn sheet(text: &mut String, coat: &Coat, textures: &mut Textures) -> Result<()> 
     Ok(())
 }
 
-fn lights(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<()> {
+fn lights(text: &mut String, shown: &ExportScene, textures: &mut TextureWriter) -> Result<()> {
     let c = &shown.camera;
     // The picture is 24 mm high, in tenths of a scene unit.
     let (height, aspect) = (24.0, shown.size[0] as f64 / shown.size[1] as f64);
@@ -221,14 +225,14 @@ fn lights(text: &mut String, shown: &Shown, textures: &mut Textures) -> Result<(
         );
     }
     let file = match &shown.sky {
-        Sky::None => return Ok(()),
-        Sky::Even([r, g, b]) => format!("        color3f inputs:color = ({r}, {g}, {b})\n"),
+        ExportSky::None => return Ok(()),
+        ExportSky::Even([r, g, b]) => format!("        color3f inputs:color = ({r}, {g}, {b})\n"),
         // The first column of OpenEXR's panoramas looks to +y, a quarter turn after ours.
-        Sky::Map(map) => match textures.picture("sky", map.size, |k| map.from_column(map.size[0] / 4, k))? {
-            Paint::File(file) => format!(
+        ExportSky::Map(map) => match textures.picture("sky", map.size, |k| map.from_column(map.size[0] / 4, k))? {
+            TexturePaint::File(file) => format!(
                 "        asset inputs:texture:file = @{file}@\n        token inputs:texture:format = \"latlong\"\n"
             ),
-            Paint::Flat(_) => String::new(),
+            TexturePaint::Flat(_) => String::new(),
         },
     };
     let turn = DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2);

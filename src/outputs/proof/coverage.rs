@@ -6,14 +6,14 @@
 //! them whose truth lies inside the interval.
 
 use crate::stress::StressRow;
-use mesophyll_fits::gloss::synthetic::{Noise, device, ramp};
-use mesophyll_fits::gloss::{TexelFitter, Undetermined, normal_of};
+use mesophyll_fits::gloss::synthetic::{GaussianDeviates, device, ramp};
+use mesophyll_fits::gloss::{GlossTexelFitter, UndeterminedSet, normal_of};
 use mesophyll_fits::leaf::curve::Incidence;
-use mesophyll_fits::leaf::wide::{self, Common, Settings, Texel};
+use mesophyll_fits::leaf::leaf_wide::{self, LeafSharedErrors, LeafWideSettings, LeafWideTexel};
 use mesophyll_optics::gloss::Lobe;
-use mesophyll_optics::slab::{exact, inverse};
+use mesophyll_optics::slab::{inverse, medium};
 use mesophyll_optics::tube::Travel;
-use mesophyll_synth::illumination::Device as Scanner;
+use mesophyll_synth::illumination::TubeDevice as Scanner;
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -26,7 +26,7 @@ const LEAVES: usize = 400;
 
 /// How many intervals of one parameter contain the truth, among the promised and among the flagged values.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Count {
+pub struct CoverageCount {
     /// Truths inside their interval, of those promised.
     pub inside: usize,
     /// Values that the fit called determined.
@@ -37,7 +37,7 @@ pub struct Count {
     pub flagged: usize,
 }
 
-impl Count {
+impl CoverageCount {
     fn see(&mut self, found: f64, error: f64, truth: f64, flagged: bool) {
         let inside = usize::from((found - truth).abs() <= 1.96 * error);
         if flagged {
@@ -49,7 +49,7 @@ impl Count {
         }
     }
 
-    fn add(mut self, o: Count) -> Count {
+    fn add(mut self, o: CoverageCount) -> CoverageCount {
         self.inside += o.inside;
         self.promised += o.promised;
         self.flagged_inside += o.flagged_inside;
@@ -64,21 +64,21 @@ impl Count {
 }
 
 /// Counts by parameter.
-pub type Counts<const N: usize> = [Count; N];
+pub type CoverageCounts<const N: usize> = [CoverageCount; N];
 
-fn sum<const N: usize>(a: Counts<N>, b: Counts<N>) -> Counts<N> {
+fn sum<const N: usize>(a: CoverageCounts<N>, b: CoverageCounts<N>) -> CoverageCounts<N> {
     std::array::from_fn(|k| a[k].add(b[k]))
 }
 
 /// ρd, ρs (three channels each), m, tilt, tilt_y of texels seen in two passes of 40 frames with 1 % noise: m .06–.5,
 /// tilts to ±.15 rad, anywhere on the blade.
-pub fn gloss(texels: usize, seed: u64) -> Counts<5> {
+pub fn gloss(texels: usize, seed: u64) -> CoverageCounts<5> {
     let known = device(Lobe::Beckmann, 0.01);
     let (x, y) = (ramp(-400.0, 250.0, 40), ramp(-325.0, 325.0, 40));
-    let fitter = TexelFitter::new(&known, &x, Some(&y));
+    let fitter = GlossTexelFitter::new(&known, &x, Some(&y));
     let scanners = [Travel::X, Travel::Y].map(|t| Scanner::new(known.tube(), t, 55.0));
-    let one = |workspace: &mut mesophyll_fits::gloss::Workspace, k: usize| {
-        let mut noise = Noise::new(seed + k as u64);
+    let one = |workspace: &mut mesophyll_fits::gloss::GlossFitWorkspace, k: usize| {
+        let mut noise = GaussianDeviates::new(seed + k as u64);
         let rho_s = noise.uniform(0.015, 0.08);
         let rho_d = [noise.uniform(0.02, 0.1), noise.uniform(0.05, 0.25), noise.uniform(0.02, 0.1)];
         let m = noise.uniform(0.06f64.ln(), 0.5f64.ln()).exp();
@@ -101,30 +101,30 @@ pub fn gloss(texels: usize, seed: u64) -> Counts<5> {
         let (tx, ty) = (trace(0, &x), trace(1, &y));
         let fit = fitter.fit(workspace, texel, &tx, Some(&ty));
         // A defect means that no parameter is promised.
-        let flagged = |what: Undetermined| fit.defect.is_some() || fit.undetermined.contains(what);
-        let mut counts = Counts::<5>::default();
+        let flagged = |what: UndeterminedSet| fit.defect.is_some() || fit.undetermined.contains(what);
+        let mut counts = CoverageCounts::<5>::default();
         for c in 0..3 {
-            counts[0].see(fit.rho_d[c], fit.rho_d_err[c], rho_d[c], flagged(Undetermined::RHO_D[c]));
-            counts[1].see(fit.rho_s[c], fit.rho_s_err[c], rho_s, flagged(Undetermined::RHO_S[c]));
+            counts[0].see(fit.rho_d[c], fit.rho_d_err[c], rho_d[c], flagged(UndeterminedSet::RHO_D[c]));
+            counts[1].see(fit.rho_s[c], fit.rho_s_err[c], rho_s, flagged(UndeterminedSet::RHO_S[c]));
         }
-        counts[2].see(fit.m, fit.m_err, m, flagged(Undetermined::M));
-        counts[3].see(fit.tilt[0], fit.tilt_err[0], tilt[0], flagged(Undetermined::TILT));
-        counts[4].see(fit.tilt[1], fit.tilt_err[1], tilt[1], flagged(Undetermined::TILT_Y));
+        counts[2].see(fit.m, fit.m_err, m, flagged(UndeterminedSet::M));
+        counts[3].see(fit.tilt[0], fit.tilt_err[0], tilt[0], flagged(UndeterminedSet::TILT));
+        counts[4].see(fit.tilt[1], fit.tilt_err[1], tilt[1], flagged(UndeterminedSet::TILT_Y));
         counts
     };
     (0..texels).into_par_iter().map_init(|| fitter.workspace(), one).reduce(Default::default, sum)
 }
 
 /// σa and σs of single slabs (ω .3–.99, Δ .3–12, 0.2 mm) measured to 1 % and 5e-4.
-pub fn slabs(count: usize, seed: u64) -> Counts<2> {
+pub fn slabs(count: usize, seed: u64) -> CoverageCounts<2> {
     let one = |k: usize| {
-        let mut noise = Noise::new(seed + k as u64);
+        let mut noise = GaussianDeviates::new(seed + k as u64);
         let (omega, delta, h) = (noise.uniform(0.3, 0.99), noise.uniform(0.3f64.ln(), 12f64.ln()).exp(), 0.2);
-        let r = exact::solve(omega, 1.0 - omega, delta);
+        let r = medium::solve(omega, 1.0 - omega, delta);
         let error = |v: f64| (0.01 * v).hypot(5e-4);
         let (d, t) = (r.rho_d + error(r.rho_d) * noise.normal(), r.rho_t + error(r.rho_t) * noise.normal());
         let e = inverse::invert(d, t, h, error(r.rho_d), error(r.rho_t));
-        let mut counts = Counts::<2>::default();
+        let mut counts = CoverageCounts::<2>::default();
         counts[0].see(e.sigma_a, e.sigma_a_err, (1.0 - omega) * delta / h, !e.status.is_ok());
         counts[1].see(e.sigma_s, e.sigma_s_err, omega * delta / h, !e.status.is_ok());
         counts
@@ -134,9 +134,9 @@ pub fn slabs(count: usize, seed: u64) -> Counts<2> {
 
 /// Shared σa and σs, thickness h + δ and γ of `leaves` leaves of 25 texels each, with ρd and ρt measured to 1 %, as the
 /// joint problem fits them.
-pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
+pub fn leaves(leaves: usize, texels: usize, seed: u64) -> CoverageCounts<4> {
     let one = |k: usize| {
-        let mut noise = Noise::new(seed + k as u64);
+        let mut noise = GaussianDeviates::new(seed + k as u64);
         let sigma: [[f64; 2]; 3] = std::array::from_fn(|_| [noise.uniform(2.0, 20.0), noise.uniform(5.0, 20.0)]);
         let thickness: Vec<f64> = (0..texels).map(|_| 0.2 * (1.0 + 0.2 * noise.normal().clamp(-2.5, 2.5))).collect();
         let h = thickness.iter().sum::<f64>() / texels as f64;
@@ -145,11 +145,11 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
             let mean = gamma.iter().map(|g| g[c]).sum::<f64>() / texels as f64;
             gamma.iter_mut().for_each(|g| g[c] /= mean);
         }
-        let measured: Vec<Texel> = thickness
+        let measured: Vec<LeafWideTexel> = thickness
             .iter()
             .zip(&gamma)
             .map(|(&t, g)| {
-                let mut x = Texel {
+                let mut x = LeafWideTexel {
                     rho_d: [0.0; 3],
                     rho_d_err: [0.0; 3],
                     rho_t: [0.0; 3],
@@ -157,7 +157,7 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
                     covariance: [0.0; 3],
                 };
                 for c in 0..3 {
-                    let r = exact::response(sigma[c][0], sigma[c][1], t);
+                    let r = medium::response(sigma[c][0], sigma[c][1], t);
                     x.rho_d_err[c] = 0.01 * g[c] * r.rho_d;
                     x.rho_d[c] = g[c] * r.rho_d + x.rho_d_err[c] * noise.normal();
                     x.rho_t[c] = r.rho_t + (0.01 * r.rho_t).hypot(5e-4) * noise.normal();
@@ -165,16 +165,16 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
                 x
             })
             .collect();
-        let settings = Settings {
+        let settings = LeafWideSettings {
             h,
             incidence: Incidence(1.0),
             relative: 0.01,
             robust: true,
             iterations: 80,
-            common: Common::default(),
+            common: LeafSharedErrors::default(),
         };
-        let fit = wide::fit(&measured, &[], [[8.0, 12.0]; 3], &settings);
-        let mut counts = Counts::<4>::default();
+        let fit = leaf_wide::fit(&measured, &[], [[8.0, 12.0]; 3], &settings);
+        let mut counts = CoverageCounts::<4>::default();
         for c in 0..3 {
             for (q, value) in [fit.sigma_a[c], fit.sigma_s[c]].into_iter().enumerate() {
                 let relative = fit.covariance[(2 * c + q, 2 * c + q)].sqrt();
@@ -196,7 +196,7 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> Counts<4> {
 /// The start of the verdict of a count that is right.
 const EXPECTED: &str = "93 to 97 % inside";
 
-fn row(case: &str, count: &Count, ms: f64) -> StressRow {
+fn row(case: &str, count: &CoverageCount, ms: f64) -> StressRow {
     let share = 100.0 * count.share();
     let flagged = match count.flagged {
         0 => "none flagged".to_string(),
@@ -218,7 +218,7 @@ fn row(case: &str, count: &Count, ms: f64) -> StressRow {
 /// The rows of `mesophyll stress coverage`.
 pub fn rows() -> Vec<StressRow> {
     let mut rows = Vec::new();
-    let mut set = |names: &[&str], what: &str, counts: &[Count], clock: Instant| {
+    let mut set = |names: &[&str], what: &str, counts: &[CoverageCount], clock: Instant| {
         let ms = clock.elapsed().as_secs_f64() * 1e3;
         rows.extend(names.iter().zip(counts).map(|(name, count)| row(&format!("{name} of {what}"), count, ms)));
     };
@@ -243,8 +243,8 @@ mod tests {
 
     #[test]
     fn a_count_tells_right_errors_from_wrong_ones() {
-        let mut noise = Noise::new(1);
-        let (mut right, mut narrow) = (Count::default(), Count::default());
+        let mut noise = GaussianDeviates::new(1);
+        let (mut right, mut narrow) = (CoverageCount::default(), CoverageCount::default());
         for _ in 0..4000 {
             let found = noise.normal();
             right.see(found, 1.0, 0.0, false);
@@ -260,7 +260,7 @@ mod tests {
     /// coverage`, and here when asked for.
     #[test]
     fn intervals_hold_the_truth_as_often_as_they_say() {
-        let close = |name: &str, count: &Count| {
+        let close = |name: &str, count: &CoverageCount| {
             let sd = (0.95 * 0.05 / count.promised as f64).sqrt();
             assert!((count.share() - 0.95).abs() < 3.5 * sd + 0.003, "{name}: {count:?}");
         };

@@ -5,8 +5,8 @@
 
 use crate::stress::StressRow;
 use mesophyll_base::fourier::Complex;
-use mesophyll_fits::branch::motion::{Kind, Known, Motion, Record, fit};
-use mesophyll_fits::gloss::synthetic::Noise;
+use mesophyll_fits::branch::motion::{MotionFit, MotionKind, MotionPrior, MotionRecord, fit};
+use mesophyll_fits::gloss::synthetic::GaussianDeviates;
 use mesophyll_plants::mechanics::wind::Oscillator;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -19,7 +19,7 @@ const RIGHT: std::ops::RangeInclusive<f64> = 0.93..=0.97;
 
 /// A motion whose parameters are known.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Truth {
+pub struct MotionProofTruth {
     /// f_h (Hz).
     pub resonance: f64,
     /// γ over the critical damping.
@@ -31,13 +31,20 @@ pub struct Truth {
 }
 
 /// A record of `readings` readings at intervals of `step` (s).
-pub fn record(truth: &Truth, readings: usize, step: f64, channels: usize, noise: f64, seed: u64) -> Record {
-    let mut chance = Noise::new(seed);
+pub fn record(
+    truth: &MotionProofTruth,
+    readings: usize,
+    step: f64,
+    channels: usize,
+    noise: f64,
+    seed: u64,
+) -> MotionRecord {
+    let mut chance = GaussianDeviates::new(seed);
     let damping = truth.ratio * 2.0 * TAU * truth.resonance;
     let oscillator = Oscillator { resonance: truth.resonance, damping };
     let n = (8 * readings).next_power_of_two();
     let spacing = 1.0 / (n as f64 * step);
-    let one = |chance: &mut Noise| {
+    let one = |chance: &mut GaussianDeviates| {
         let mut line = vec![Complex::new(0.0, 0.0); n];
         for k in 1..n / 2 {
             let f = k as f64 * spacing;
@@ -51,24 +58,24 @@ pub fn record(truth: &Truth, readings: usize, step: f64, channels: usize, noise:
         mesophyll_base::fourier::inverse(n).process(&mut line);
         line[..readings].iter().map(|c| c.re + noise * chance.normal()).collect()
     };
-    Record { step, channels: (0..channels).map(|_| one(&mut chance)).collect(), ..Record::default() }
+    MotionRecord { step, channels: (0..channels).map(|_| one(&mut chance)).collect(), ..MotionRecord::default() }
 }
 
 /// How many 95 % intervals of resonance, damping and gain contain the truth, and for how many motions values were
 /// promised.
 pub fn coverage(motions: usize, seed: u64) -> ([usize; 3], usize) {
     let inside = |k: usize| -> Option<[bool; 3]> {
-        let mut chance = Noise::new(seed + k as u64);
-        let truth = Truth {
+        let mut chance = GaussianDeviates::new(seed + k as u64);
+        let truth = MotionProofTruth {
             resonance: chance.uniform(0.8f64.ln(), 3f64.ln()).exp(),
             ratio: chance.uniform(0.03f64.ln(), 0.3f64.ln()).exp(),
             gain: chance.uniform(0.0, 3.0).exp(),
             speed: chance.uniform(1.5, 8.0),
         };
         let record = record(&truth, 4000, 0.05, 2, 0.0, 7919 * (seed + k as u64) + 1);
-        let known = Known { speed: k.is_multiple_of(2).then_some(truth.speed), ..Known::default() };
+        let known = MotionPrior { speed: k.is_multiple_of(2).then_some(truth.speed), ..MotionPrior::default() };
         let found = fit(&record, &known).ok().filter(|m| m.status.is_ok())?;
-        let holds = |v: mesophyll_fits::branch::motion::Value, t: f64| (v.value - t).abs() <= 1.96 * v.error;
+        let holds = |v: mesophyll_fits::branch::motion::MotionEstimate, t: f64| (v.value - t).abs() <= 1.96 * v.error;
         let damping = truth.ratio * 2.0 * TAU * truth.resonance;
         Some([
             holds(found.resonance, truth.resonance),
@@ -81,13 +88,13 @@ pub fn coverage(motions: usize, seed: u64) -> ([usize; 3], usize) {
 }
 
 /// Readings 20 times a second.
-fn of(readings: Vec<f64>) -> Record {
-    Record { step: 0.05, channels: vec![readings], ..Record::default() }
+fn of(readings: Vec<f64>) -> MotionRecord {
+    MotionRecord { step: 0.05, channels: vec![readings], ..MotionRecord::default() }
 }
 
 /// A branch that is let go, seen for 30 s with a noise of .05 mm: modes of f_h (Hz), damping (1/s) and size (mm).
 fn let_go(modes: &[[f64; 3]], seed: u64) -> Vec<f64> {
-    let mut chance = Noise::new(seed);
+    let mut chance = GaussianDeviates::new(seed);
     let one = |t: f64| -> f64 {
         let mode = |[f, damping, size]: &[f64; 3]| {
             let turn = ((TAU * f).powi(2) - 0.25 * damping * damping).sqrt();
@@ -120,44 +127,44 @@ pub fn coverage_rows() -> Vec<StressRow> {
 /// The rows of `stress motion`.
 pub fn rows() -> Vec<StressRow> {
     let mut out = Vec::new();
-    let usual = Truth { resonance: 2.0, ratio: 0.1, gain: 5.0, speed: 3.0 };
-    let verdict = |found: &Result<Motion, String>| match found {
+    let usual = MotionProofTruth { resonance: 2.0, ratio: 0.1, gain: 5.0, speed: 3.0 };
+    let verdict = |found: &Result<MotionFit, String>| match found {
         Ok(m) => m.status.to_string(),
         Err(why) => format!("refused: {why}"),
     };
-    let mut case = |name: &str, expected: &str, record: Record, known: Known| {
+    let mut case = |name: &str, expected: &str, record: MotionRecord, known: MotionPrior| {
         let clock = Instant::now();
         let found = fit(&record, &known);
         out.push(row(name.into(), expected, verdict(&found), clock.elapsed().as_secs_f64() * 1e3));
     };
-    let none = Known::default();
+    let none = MotionPrior::default();
     case("ten minutes, 20 readings a second", "ok", record(&usual, 12_000, 0.05, 1, 0.0, 3), none);
     case(
         "noise as large as a tenth of the motion",
         "ok",
         record(&usual, 6000, 0.05, 1, 0.7, 4),
-        Known { noise: 0.7, ..none },
+        MotionPrior { noise: 0.7, ..none },
     );
     case("five readings a second", "ok", record(&usual, 3000, 0.2, 2, 0.0, 9), none);
-    let given = Known { speed: Some(usual.speed), ..none };
+    let given = MotionPrior { speed: Some(usual.speed), ..none };
     case("the wind is given", "ok", record(&usual, 6000, 0.05, 1, 0.0, 10), given);
-    let white = Truth { speed: 1e9, ..usual };
+    let white = MotionProofTruth { speed: 1e9, ..usual };
     case("a force of all frequencies alike", "ok", record(&white, 6000, 0.05, 2, 0.0, 11), none);
-    case("hardly damped", "ok", record(&Truth { ratio: 0.01, ..usual }, 12_000, 0.05, 2, 0.0, 5), none);
+    case("hardly damped", "ok", record(&MotionProofTruth { ratio: 0.01, ..usual }, 12_000, 0.05, 2, 0.0, 5), none);
     case("ten seconds", "undetermined", record(&usual, 200, 0.05, 1, 0.0, 6), none);
-    case("overdamped", "undetermined", record(&Truth { ratio: 2.0, ..usual }, 2000, 0.05, 1, 0.0, 7), none);
+    case("overdamped", "undetermined", record(&MotionProofTruth { ratio: 2.0, ..usual }, 2000, 0.05, 1, 0.0, 7), none);
     case("does not move", "refused", of(vec![1.0; 1000]), none);
     case("63 readings", "refused", record(&usual, 63, 0.05, 1, 0.0, 8), none);
     case("pulled and let go", "ok", of(let_go(&[[1.2, 0.75, 30.0]], 1)), none);
     // Wrong models: data that neither kind of motion describes.
     case("let go, with two modes", "undetermined", of(let_go(&[[1.2, 0.75, 30.0], [1.9, 0.8, 8.0]], 2)), none);
-    let gusts = Known { kind: Kind::Gusts, ..none };
+    let gusts = MotionPrior { kind: MotionKind::Gusts, ..none };
     case("let go, taken for gusts", "undetermined", of(let_go(&[[1.2, 0.75, 30.0]], 3)), gusts);
     let mut both = record(&usual, 6000, 0.05, 1, 0.0, 12);
-    let second = record(&Truth { resonance: 3.1, ..usual }, 6000, 0.05, 1, 0.0, 13);
+    let second = record(&MotionProofTruth { resonance: 3.1, ..usual }, 6000, 0.05, 1, 0.0, 13);
     both.channels[0].iter_mut().zip(&second.channels[0]).for_each(|(a, b)| *a += b);
     case("two resonances in gusts", "undetermined", both, none);
-    let slow = Truth { resonance: 2.2, ..usual };
+    let slow = MotionProofTruth { resonance: 2.2, ..usual };
     case("a resonance above half the rate", "undetermined", record(&slow, 3000, 1.0 / 3.0, 1, 0.0, 14), none);
     let altered = |change: &dyn Fn(usize, &mut f64)| {
         let mut of = record(&usual, 6000, 0.05, 1, 0.0, 15);

@@ -3,15 +3,15 @@
 
 use crate::bench::{BenchRow, median_us};
 use crate::nist;
-use crate::slab::bench::{self as slab_bench, Slab, forward_error, larger};
+use crate::slab::bench::{self as slab_bench, ProofSlab, forward_error, larger};
 use crate::{Error, Result};
-use mesophyll_fits::gloss::{Device, TexelFitter, synthetic};
+use mesophyll_fits::gloss::{GlossFitDevice, GlossTexelFitter, synthetic};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab;
 use mesophyll_optics::tube::Travel;
 
 /// Files for a peer's folder, and our rows on the same inputs.
-pub struct Inputs {
+pub struct PeerInputs {
     /// Name and bytes of every file.
     pub files: Vec<(String, Vec<u8>)>,
     /// This program's results for the same inputs.
@@ -24,8 +24,8 @@ pub struct Inputs {
 ///
 /// # Errors
 /// None.
-pub fn nist() -> Result<Inputs> {
-    Ok(Inputs {
+pub fn nist() -> Result<PeerInputs> {
+    Ok(PeerInputs {
         files: nist::FILES.iter().map(|(name, text)| (format!("{name}.dat"), text.as_bytes().to_vec())).collect(),
         // The sweep itself already has our rows.
         ours: Vec::new(),
@@ -49,16 +49,16 @@ fn ours(model: &str, setting: &str, mut errors: Vec<f64>, us: f64, note: &str) -
 }
 
 /// The 64 slabs of the sweep.
-pub fn slab() -> Inputs {
+pub fn slab() -> PeerInputs {
     let slabs = slab_bench::slabs();
     let mut text = String::from("omega,delta,rho_d,rho_t\n");
     for s in &slabs {
         text.push_str(&format!("{},{},{},{}\n", s.omega, s.delta, s.exact.rho_d, s.exact.rho_t));
     }
     let count = slabs.len() as f64;
-    let forward = |s: &Slab| slab::response(s.sigma_a, s.sigma_s, 1.0);
+    let forward = |s: &ProofSlab| slab::response(s.sigma_a, s.sigma_s, 1.0);
     let forward_errors = slabs.iter().map(|s| forward_error(s, forward(s)));
-    let inverse = |s: &Slab| slab::inverse::invert(s.exact.rho_d, s.exact.rho_t, 1.0, 1e-6, 1e-6);
+    let inverse = |s: &ProofSlab| slab::inverse::invert(s.exact.rho_d, s.exact.rho_t, 1.0, 1e-6, 1e-6);
     let inverse_errors = slabs.iter().map(|s| {
         // The peers are judged by the same numbers: single-scattering albedo and optical thickness.
         let e = inverse(s);
@@ -67,7 +67,7 @@ pub fn slab() -> Inputs {
     });
     let forward_us = median_us(50.0, || slabs.iter().map(|s| forward(s).rho_d).sum::<f64>()) / count;
     let inverse_us = median_us(100.0, || slabs.iter().map(|s| inverse(s).sigma_a).sum::<f64>()) / count;
-    Inputs {
+    PeerInputs {
         ours: vec![
             ours("slab", "mesophyll forward", forward_errors.collect(), forward_us, "rows"),
             ours("slab", "mesophyll inverse", inverse_errors.collect(), inverse_us, "rows"),
@@ -81,29 +81,30 @@ pub fn slab() -> Inputs {
 ///
 /// # Errors
 /// None in practice: an input that cannot be written as text.
-pub fn gloss() -> Result<Inputs> {
-    let device = Device { radius_mm: 0.0, ..synthetic::device(Lobe::Beckmann, 0.01) };
+pub fn gloss() -> Result<PeerInputs> {
+    let device = GlossFitDevice { radius_mm: 0.0, ..synthetic::device(Lobe::Beckmann, 0.01) };
     let positions = synthetic::pass_x(100);
-    let mut noise = synthetic::Noise::new(5);
+    let mut noise = synthetic::GaussianDeviates::new(5);
     let mut draw = |_| {
         let (rho_d, rho_s) = (noise.uniform(0.02, 0.2), noise.uniform(0.02, 0.1));
-        synthetic::Truth {
+        synthetic::GlossFitTruth {
             rho_d: [0.5 * rho_d, rho_d, 0.3 * rho_d],
             rho_s: [rho_s; 3],
             m: noise.uniform(0.05f64.ln(), 0.5f64.ln()).exp(),
             tilt: [noise.uniform(-0.1, 0.1), 0.0],
         }
     };
-    let truths: Vec<synthetic::Truth> = (0..48).map(&mut draw).collect();
+    let truths: Vec<synthetic::GlossFitTruth> = (0..48).map(&mut draw).collect();
     let mut trace =
-        |t: &synthetic::Truth| synthetic::trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise));
+        |t: &synthetic::GlossFitTruth| synthetic::trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise));
     let traces: Vec<Vec<[f32; 3]>> = truths.iter().map(&mut trace).collect();
-    let fitter = TexelFitter::new(&device, &positions, None);
+    let fitter = GlossTexelFitter::new(&device, &positions, None);
     let mut workspace = fitter.workspace();
     let mut fitted = |trace: &[[f32; 3]]| fitter.fit(&mut workspace, [0.0; 2], trace, None).m;
     let errors = truths.iter().zip(&traces).map(|(t, trace)| (fitted(trace) / t.m - 1.0).abs()).collect();
     let us = median_us(200.0, || traces.iter().map(|trace| fitted(trace)).sum::<f64>()) / traces.len() as f64;
-    let texel = |(t, trace): (&synthetic::Truth, &Vec<[f32; 3]>)| serde_json::json!({ "m": t.m, "trace": trace });
+    let texel =
+        |(t, trace): (&synthetic::GlossFitTruth, &Vec<[f32; 3]>)| serde_json::json!({ "m": t.m, "trace": trace });
     let texels: Vec<serde_json::Value> = truths.iter().zip(&traces).map(texel).collect();
     let value = serde_json::json!({
         "u": positions.iter().map(|x| x / device.height_mm).collect::<Vec<_>>(),
@@ -115,7 +116,7 @@ pub fn gloss() -> Result<Inputs> {
         "texels": texels,
     });
     let text = serde_json::to_string(&value).map_err(|e| Error::Missed(format!("cannot write JSON: {e}")))?;
-    Ok(Inputs {
+    Ok(PeerInputs {
         files: vec![("gloss.json".into(), text.into_bytes())],
         ours: vec![ours("gloss", "mesophyll", errors, us, "RGB texels, relative error of m")],
         turn: None,

@@ -3,9 +3,9 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_fit_scene::made_up::{BOTH, START, TRUTH, opened, photograph, scene};
+use mesophyll_fit_scene::synthetic::{BOTH, START, TRUTH, opened, photograph, scene};
 use mesophyll_fit_scene::{Options, run};
-use mesophyll_fits::record::maker::Outcome;
+use mesophyll_fits::record::maker::FitOutcome;
 use mesophyll_scene::placed::ledger::Ledger;
 use std::time::Instant;
 
@@ -56,7 +56,7 @@ fn verdict(case: &Case) -> Result<(String, Option<f64>)> {
         .and_then(|scene| run(&scene, &folder.path().join("fit"), &options, &Ledger::new()));
     let record = match ended {
         Err(e) => return Ok((format!("refused: {e}"), None)),
-        Ok(Outcome::Done(record)) => record,
+        Ok(FitOutcome::Done(record)) => record,
         Ok(_) => return Err(Error::Missed("no fit was made".into())),
     };
     if let Some(fault) = record.faults.first() {

@@ -4,11 +4,14 @@ use crate::Result;
 use crate::bench::BenchRow;
 use crate::visibility::cluster::cluster;
 use glam::DVec3;
-use mesophyll_files::progress::Bar;
-use mesophyll_transport::path::{Paths, Tracer};
+use mesophyll_files::progress::TaskProgress;
+use mesophyll_transport::path::{PathSettings, PathTracer};
 use mesophyll_transport::transfer::anchors::{coarser, level, levels};
-use mesophyll_transport::transfer::{Anchor, Anchors, Columns, Method, Receiver, Request, Rows, Spot, measure};
-use mesophyll_transport::{ReferenceSun, World};
+use mesophyll_transport::transfer::{
+    Anchor, MeshAnchors, MeshPoint, TransferColumns, TransferMethod, TransferReceiver, TransferRequest, TransferRows,
+    measure,
+};
+use mesophyll_transport::{ReferenceSun, ReferenceWorld};
 use std::f64::consts::PI;
 use std::time::Instant;
 
@@ -23,7 +26,8 @@ const SKY: f64 = 0.35;
 const SUN: f64 = 2.5;
 
 /// The settings that are varied.
-const REQUEST: Request = Request { method: Method::Paths, columns: Columns::Light, paths: 2048, seed: 7 };
+const REQUEST: TransferRequest =
+    TransferRequest { method: TransferMethod::Paths, columns: TransferColumns::Light, paths: 2048, seed: 7 };
 
 /// The grid whose chain of levels is looked at.
 const CHAIN: [usize; 2] = [9, 5];
@@ -47,12 +51,12 @@ type Both = [f64; 2];
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`] after Ctrl-C.
-pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let mut world = cluster();
     (world.sky, world.background) = (Some([SKY; 3]), [SKY; 3]);
     let direction = DVec3::new(0.4, -0.3, 0.8).normalize();
     world.sun = Some(ReferenceSun { direction, irradiance: [SUN; 3], radius: 0.00465 });
-    let tracer = Tracer::new(&world, Paths::default())?;
+    let tracer = PathTracer::new(&world, PathSettings::default())?;
     let bench = Bench { truth: Vec::new(), tracer: &tracer, world: &world, sun: direction };
     let bench = Bench { truth: bench.truth()?, ..bench };
     bar.step()?;
@@ -62,15 +66,15 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     }
     bar.step()?;
     for paths in [128, 512, 2048, 8192] {
-        rows.push(bench.row("paths", paths.to_string(), [5, 3], &Request { paths, ..REQUEST })?);
+        rows.push(bench.row("paths", paths.to_string(), [5, 3], &TransferRequest { paths, ..REQUEST })?);
     }
     for paths in [128, 512, 2048] {
-        let request = Request { method: Method::AmbientOcclusion, paths, ..REQUEST };
+        let request = TransferRequest { method: TransferMethod::AmbientOcclusion, paths, ..REQUEST };
         rows.push(bench.row("ambient occlusion", format!("{paths} rays"), [5, 3], &request)?);
     }
     bar.step()?;
     for bands in [1, 2, 3, 5, 7] {
-        let request = Request { columns: Columns::Harmonics(bands), ..REQUEST };
+        let request = TransferRequest { columns: TransferColumns::Harmonics(bands), ..REQUEST };
         rows.push(bench.row("bands", bands.to_string(), [5, 3], &request)?);
     }
     bar.step()?;
@@ -88,15 +92,15 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
 struct Bench<'a> {
     /// The truth at the vertices of each leaf that is compared.
     truth: Vec<Vec<Both>>,
-    tracer: &'a Tracer<'a>,
-    world: &'a World,
+    tracer: &'a PathTracer<'a>,
+    world: &'a ReferenceWorld,
     sun: DVec3,
 }
 
 impl Bench<'_> {
     /// The light that arrives at the anchors of an instance, front and back, and the mesh's normals there.
-    fn arriving(&self, instance: usize, anchors: &[Anchor], request: &Request) -> Result<Vec<[DVec3; 2]>> {
-        let found = measure(self.tracer, &Receiver { instance, anchors, rows: Rows::Both }, request);
+    fn arriving(&self, instance: usize, anchors: &[Anchor], request: &TransferRequest) -> Result<Vec<[DVec3; 2]>> {
+        let found = measure(self.tracer, &TransferReceiver { instance, anchors, rows: TransferRows::Both }, request);
         let columns = request.columns;
         mesophyll_files::progress::go_on()?;
         let light = self.light(columns);
@@ -112,10 +116,10 @@ impl Bench<'_> {
     }
 
     /// For each column: the light of sky and sun together, and that of the sky alone.
-    fn light(&self, columns: Columns) -> Vec<[f64; 2]> {
-        let Columns::Harmonics(bands) = columns else { return vec![[1.0, 0.0]] };
+    fn light(&self, columns: TransferColumns) -> Vec<[f64; 2]> {
+        let TransferColumns::Harmonics(bands) = columns else { return vec![[1.0, 0.0]] };
         let mut sun = vec![0.0; bands * bands];
-        mesophyll_sky::harmonics::Basis::new(bands).fill(self.sun.to_array(), &mut sun);
+        mesophyll_sky::harmonics::HarmonicBasis::new(bands).fill(self.sun.to_array(), &mut sun);
         let sky = |k: usize| if k == 0 { SKY * (4.0 * PI).sqrt() } else { 0.0 };
         sun.iter().enumerate().map(|(k, y)| [SUN * y + sky(k), sky(k)]).collect()
     }
@@ -139,10 +143,10 @@ impl Bench<'_> {
             let at = |vertex: usize| {
                 let k = indices.iter().position(|i| *i as usize == vertex).unwrap_or(0);
                 let barycentric = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k % 3];
-                Anchor { points: vec![Spot { triangle: k / 3, barycentric }] }
+                Anchor { points: vec![MeshPoint { triangle: k / 3, barycentric }] }
             };
             let anchors: Vec<Anchor> = self.vertices(*instance).map(at).collect();
-            let found = self.arriving(*instance, &anchors, &Request { paths: MANY, ..REQUEST })?;
+            let found = self.arriving(*instance, &anchors, &TransferRequest { paths: MANY, ..REQUEST })?;
             Ok(self.vertices(*instance).zip(found).map(|(v, f)| self.both(*instance, v, f)).collect())
         };
         LEAVES.iter().map(of).collect()
@@ -175,7 +179,7 @@ impl Bench<'_> {
         let (mut found, mut bytes, mut us) = (Vec::new(), 0, 0.0);
         for instance in LEAVES {
             let leaf = &self.world.leaves[self.world.instances[instance].leaf];
-            let anchors = Anchors::on_leaf(leaf, CHAIN);
+            let anchors = MeshAnchors::on_leaf(leaf, CHAIN);
             let fine = self.arriving(instance, &anchors.points, &REQUEST)?;
             let start = Instant::now();
             let nodes = coarser(CHAIN, to);
@@ -216,7 +220,7 @@ impl Bench<'_> {
         let all = (0..self.world.instances.len()).flat_map(|k| self.vertices(k).map(move |v| place(k, v)));
         let (low, high) = all.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
         let last = DVec3::from(cells.map(|n| (n - 1) as f64));
-        let basis = mesophyll_sky::harmonics::Basis::new(BANDS);
+        let basis = mesophyll_sky::harmonics::HarmonicBasis::new(BANDS);
         let start = Instant::now();
         let at = |k: usize| {
             let node = [k % cells[0], k / cells[0] % cells[1], k / cells[0] / cells[1]].map(|n| n as f64);
@@ -278,13 +282,13 @@ impl Bench<'_> {
         })
     }
 
-    fn row(&self, knob: &str, setting: String, grid: [usize; 2], request: &Request) -> Result<BenchRow> {
+    fn row(&self, knob: &str, setting: String, grid: [usize; 2], request: &TransferRequest) -> Result<BenchRow> {
         let (mut us, mut bytes) = (0.0, 0);
         let mut found = Vec::new();
         for instance in LEAVES {
             let leaf = &self.world.leaves[self.world.instances[instance].leaf];
             let start = Instant::now();
-            let anchors = Anchors::on_leaf(leaf, grid);
+            let anchors = MeshAnchors::on_leaf(leaf, grid);
             let arriving = self.arriving(instance, &anchors.points, request)?;
             us += start.elapsed().as_secs_f64() * 1e6 / LEAVES.len() as f64;
             bytes = anchors.points.len() * 6 * request.columns.count() * 8;

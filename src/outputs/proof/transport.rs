@@ -4,9 +4,10 @@
 use crate::stress::StressRow;
 use glam::{DMat4, DQuat, DVec2, DVec3};
 use mesophyll_transport::environment::Environment;
-use mesophyll_transport::path::{Paths, Tracer};
+use mesophyll_transport::path::{PathSettings, PathTracer};
 use mesophyll_transport::{
-    Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, World, lobe::Lobe,
+    ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld,
+    lobe::Lobe,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -34,7 +35,11 @@ pub fn stress() -> Vec<StressRow> {
 
 fn side(rho_d: f64, rho_t: f64) -> ReferenceSide {
     let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
-    ReferenceSide { interior: Interior::Maps { rho_d: map(rho_d), rho_t: map(rho_t) }, gloss: None, normal: None }
+    ReferenceSide {
+        interior: ReferenceInterior::Maps { rho_d: map(rho_d), rho_t: map(rho_t) },
+        gloss: None,
+        normal: None,
+    }
 }
 
 /// A level square, front up, 2 m wide, of `n` by `n` pieces.
@@ -64,13 +69,13 @@ pub(crate) fn leaf(mesh: ReferenceMesh, rho_d: f64, rho_t: f64) -> ReferenceLeaf
 }
 
 /// Level squares: height (mm), ρd and ρt of each.
-pub(crate) fn stack(of: &[(f64, f64, f64)]) -> World {
-    World {
+pub(crate) fn stack(of: &[(f64, f64, f64)]) -> ReferenceWorld {
+    ReferenceWorld {
         leaves: of.iter().map(|(_, rho_d, rho_t)| leaf(square(1), *rho_d, *rho_t)).collect(),
         instances: (0..of.len())
-            .map(|k| Placement { leaf: k, transform: DMat4::from_translation(DVec3::Z * of[k].0) })
+            .map(|k| ReferencePlacement { leaf: k, transform: DMat4::from_translation(DVec3::Z * of[k].0) })
             .collect(),
-        ..World::default()
+        ..ReferenceWorld::default()
     }
 }
 
@@ -80,41 +85,41 @@ fn two_sheets(rho: f64, tau: f64) -> f64 {
     rho + tau * tau / (1.0 - rho)
 }
 
-fn crossing() -> World {
+fn crossing() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.4, 0.6)]);
     let turn = DMat4::from_rotation_translation(DQuat::from_rotation_y(1.1), DVec3::new(0.0, 1.0, 0.0));
-    world.instances.push(Placement { leaf: 0, transform: turn });
+    world.instances.push(ReferencePlacement { leaf: 0, transform: turn });
     world
 }
 
-fn with_slivers() -> World {
+fn with_slivers() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.3, 0.4)]);
     world.leaves[0].mesh.indices.extend([0, 0, 1, 2, 2, 2, 0, 3, 0]);
     world
 }
 
-fn against_the_winding() -> World {
+fn against_the_winding() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.3, 0.4)]);
     world.leaves[0].mesh.normals.iter_mut().for_each(|n| *n = -*n);
     world
 }
 
-fn million() -> World {
+fn million() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.3, 0.4)]);
     world.leaves[0].mesh = square(708);
     world
 }
 
 /// Looks at the middle obliquely from above.
-fn look(world: &World, case: &str, want: f64, at_most: f64) -> StressRow {
+fn look(world: &ReferenceWorld, case: &str, want: f64, at_most: f64) -> StressRow {
     from(world, case, want, at_most, DVec3::new(200.0, 100.0, 400.0), DVec3::new(0.3, 0.2, 0.0))
 }
 
 /// Compares the radiance along one line of sight with its known value. The standard error must be at most `at_most` of
 /// it.
-fn from(world: &World, case: &str, want: f64, at_most: f64, eye: DVec3, target: DVec3) -> StressRow {
+fn from(world: &ReferenceWorld, case: &str, want: f64, at_most: f64, eye: DVec3, target: DVec3) -> StressRow {
     let clock = Instant::now();
-    let (verdict, digits) = match Tracer::new(world, Paths::default()) {
+    let (verdict, digits) = match PathTracer::new(world, PathSettings::default()) {
         Err(why) => (format!("refused: {why}"), None),
         Ok(tracer) => {
             let seen = tracer.look(eye, target - eye, 4096, 7);
@@ -149,14 +154,14 @@ fn row(case: &str, expected: &str, verdict: String, digits: Option<f64>, since: 
 }
 
 /// The case under a sky that is 1 all around.
-fn sky_alone(case: &str, world: World, want: f64) -> StressRow {
-    look(&World { sky: Some([1.0; 3]), ..world }, case, want, 0.02)
+fn sky_alone(case: &str, world: ReferenceWorld, want: f64) -> StressRow {
+    look(&ReferenceWorld { sky: Some([1.0; 3]), ..world }, case, want, 0.02)
 }
 
 fn sun(case: &str, zenith: f64, want: f64) -> StressRow {
     let direction = DVec3::new(zenith.sin(), 0.0, zenith.cos());
     let sun = Some(ReferenceSun { direction, irradiance: [3.0; 3], radius: 0.0 });
-    look(&World { sun, ..stack(&[(0.0, 0.3, 0.4)]) }, case, want, 1e-6)
+    look(&ReferenceWorld { sun, ..stack(&[(0.0, 0.3, 0.4)]) }, case, want, 1e-6)
 }
 
 /// Ground of 40 m under an opaque, black roof 10 mm above it: it is dark in the middle.

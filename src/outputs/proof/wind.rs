@@ -6,11 +6,11 @@ use glam::DVec3;
 use mesophyll_fits::branch::beam::basis;
 use mesophyll_plants::file;
 use mesophyll_plants::form::{Branch, Joint, Plant};
-use mesophyll_plants::grow::{grow, spec::Spec};
-use mesophyll_plants::mechanics::motion::Motion;
-use mesophyll_plants::mechanics::motion_spectrum::Method;
+use mesophyll_plants::growth::{grow, spec::PlantSpec};
+use mesophyll_plants::mechanics::motion::MotionTexture;
+use mesophyll_plants::mechanics::motion_spectrum::SpectrumMethod;
 use mesophyll_plants::mechanics::wind::{Oscillator, Sway, Wind};
-use mesophyll_plants::pose::Limbs;
+use mesophyll_plants::pose::RestPose;
 use std::time::Instant;
 
 /// Largest relative change of a length, and largest gap between child and parent relative to the parent's radius.
@@ -21,7 +21,7 @@ const CHILDREN: usize = 10_000;
 /// A bird cherry of three years.
 fn sapling() -> Result<Plant, String> {
     let text = include_str!("../../../data/plants/bird-cherry-sapling.toml");
-    text.parse::<Spec>().map(|spec| grow(&spec, None)).map_err(|e| e.to_string())
+    text.parse::<PlantSpec>().map(|spec| grow(&spec, None)).map_err(|e| e.to_string())
 }
 
 /// The largest change of a length and the largest gap in a posed plant, relative to what is allowed.
@@ -46,7 +46,7 @@ fn off(rest: &Plant, now: &Plant) -> f64 {
 /// A row for a plant whose tips move by `tip` of their length, each branch in another direction.
 fn posed(case: &str, plant: &Plant, tip: f64) -> StressRow {
     let clock = Instant::now();
-    let limbs = Limbs::new(plant, basis::shape);
+    let limbs = RestPose::new(plant, basis::shape);
     let amplitude = |k: usize| {
         let (sin, cos) = (0.7 + 1.3 * k as f64).sin_cos();
         [sin, cos].map(|c| c * tip / limbs.0[k].tip)
@@ -103,7 +103,7 @@ fn gusts(case: &str, start: f64) -> StressRow {
     let clock = Instant::now();
     let oscillator = Oscillator::of_branch(1.0, false, 0.15);
     let sway = Sway { wind: Wind { speed: 8.0, turbulence: 0.3 }, oscillator, lean: 1.0 };
-    let verdict = match Motion::new(|f| sway.spectrum(f), sway.highest(), 256, 5, Method::Directed) {
+    let verdict = match MotionTexture::new(|f| sway.spectrum(f), sway.highest(), 256, 5, SpectrumMethod::Directed) {
         None => "wrong: no motion".to_string(),
         Some(motion) => {
             let line = motion.trajectory(3, 1.0);

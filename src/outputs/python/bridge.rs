@@ -16,14 +16,14 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 /// An array of double-precision numbers.
-pub type Numbers = PyBuffer<f64>;
+pub type NumberBuffer = PyBuffer<f64>;
 
 /// Rows that did not end well: which one, counted from 0, and its status.
-pub type Troubles = Vec<(usize, String)>;
+pub type RowTroubles = Vec<(usize, String)>;
 
 /// What a row takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cost {
+pub enum RowCost {
     /// Microseconds: a few rows are done before a thread could be made for them.
     Little,
     /// So long that even one row is worth a thread, and Ctrl-C.
@@ -39,9 +39,9 @@ const ASK: Duration = Duration::from_millis(50);
 
 /// Whether Ctrl-C was pressed during one call. Every call has its own, so that it stops no other one.
 #[derive(Debug, Default)]
-pub struct Stop(AtomicBool);
+pub struct CallInterrupt(AtomicBool);
 
-impl Stop {
+impl CallInterrupt {
     fn ask(&self) {
         self.0.store(true, Ordering::SeqCst);
     }
@@ -142,9 +142,9 @@ pub fn run<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> 
 ///
 /// # Errors
 /// `ValueError` where `out` has another size; what Ctrl-C raises, and then `out` is left as it was.
-pub fn fill<F>(py: Python<'_>, rows: usize, cost: Cost, out: &Numbers, f: F) -> PyResult<Troubles>
+pub fn fill<F>(py: Python<'_>, rows: usize, cost: RowCost, out: &NumberBuffer, f: F) -> PyResult<RowTroubles>
 where
-    F: Fn(usize, &mut [f64], &Stop) -> Status + Sync + Send,
+    F: Fn(usize, &mut [f64], &CallInterrupt) -> Status + Sync + Send,
 {
     let cells = out.item_count().checked_div(rows).unwrap_or(0);
     if out.item_count() != rows * cells {
@@ -156,8 +156,8 @@ where
     if rows == 0 || cells == 0 {
         return Ok(Vec::new());
     }
-    let stop = Stop::default();
-    let part = |first: usize, values: &mut [f64]| -> Troubles {
+    let stop = CallInterrupt::default();
+    let part = |first: usize, values: &mut [f64]| -> RowTroubles {
         let mut troubles = Vec::new();
         for (k, row) in values.chunks_exact_mut(cells).enumerate() {
             if stop.asked() {
@@ -173,14 +173,14 @@ where
         }
         troubles
     };
-    let long = cost == Cost::Much || rows >= FEW;
+    let long = cost == RowCost::Much || rows >= FEW;
     let (values, troubles) = run_until(
         py,
         long,
         || stop.ask(),
         || {
             let mut values = vec![f64::NAN; rows * cells];
-            let troubles: Vec<Troubles> = if long {
+            let troubles: Vec<RowTroubles> = if long {
                 let each = (rows / (8 * rayon::current_num_threads())).clamp(1, CHUNK);
                 let chunks = values.par_chunks_mut(each * cells).enumerate();
                 chunks.map(|(k, chunk)| part(k * each, chunk)).collect()
@@ -199,7 +199,7 @@ where
 ///
 /// # Errors
 /// `ValueError` where they are not.
-pub fn columns<const N: usize>(py: Python<'_>, arrays: [&Numbers; N]) -> PyResult<([Vec<f64>; N], usize)> {
+pub fn columns<const N: usize>(py: Python<'_>, arrays: [&NumberBuffer; N]) -> PyResult<([Vec<f64>; N], usize)> {
     let rows = arrays.first().map_or(0, |a| a.item_count());
     let mut read: [Vec<f64>; N] = [const { Vec::new() }; N];
     for (to, from) in read.iter_mut().zip(arrays) {
@@ -212,7 +212,7 @@ pub fn columns<const N: usize>(py: Python<'_>, arrays: [&Numbers; N]) -> PyResul
 }
 
 /// Copies the values of an answer into a row.
-pub fn answered(answer: mesophyll_files::table::Answer, row: &mut [f64]) -> Status {
+pub fn answered(answer: mesophyll_files::table::OutputRow, row: &mut [f64]) -> Status {
     for (to, from) in row.iter_mut().zip(&answer.values) {
         *to = *from;
     }

@@ -1,14 +1,14 @@
 //! Leaf fits and the files of a fit: `mesophyll.leaf` and `mesophyll.fits`.
 
-use crate::bridge::{Numbers, named, run, run_until};
+use crate::bridge::{NumberBuffer, named, run, run_until};
 use crate::surface::lobe;
 use mesophyll_base::error::Error;
-use mesophyll_capture::kind::Kind;
-use mesophyll_files::image::{self, Maps, Packing};
+use mesophyll_capture::kind::CaptureKind;
+use mesophyll_files::image::{self, ChannelMaps, Packing};
 use mesophyll_files::progress;
 use mesophyll_fits::consistency;
 use mesophyll_fits::dome;
-use mesophyll_fits::leaf::held_out::HoldOut;
+use mesophyll_fits::leaf::held_out::HoldOutRule;
 use mesophyll_fits::leaf::{self, Options};
 use mesophyll_fits::photo;
 use pyo3::exceptions::PyValueError;
@@ -62,16 +62,16 @@ pub fn leaf_fit(
         method: named("method", method)?,
         lobe: lobe(&lobe_of.0, lobe_of.1)?,
         robust,
-        hold_out: HoldOut { every, seed },
+        hold_out: HoldOutRule { every, seed },
         force,
         ..Options::default()
     };
     let _under_way = UnderWay::begin();
     run_until(py, true, progress::request_stop, || {
         progress::set_quiet(quiet);
-        let outcome = match Kind::of(&capture) {
-            Ok(Some(Kind::Dome)) => dome::run(&capture, &out, &dome::Options { gloss, force }),
-            Ok(Some(Kind::Photo)) => photo::run(&capture, &out, force),
+        let outcome = match CaptureKind::of(&capture) {
+            Ok(Some(CaptureKind::Dome)) => dome::run(&capture, &out, &dome::Options { gloss, force }),
+            Ok(Some(CaptureKind::Photo)) => photo::run(&capture, &out, force),
             _ => leaf::run(&capture, &out, &options),
         };
         progress::set_quiet(true);
@@ -111,9 +111,9 @@ pub fn write_exr(
     path: PathBuf,
     width: usize,
     height: usize,
-    channels: Vec<(String, Numbers)>,
+    channels: Vec<(String, NumberBuffer)>,
 ) -> PyResult<()> {
-    let mut maps = Maps::new(width, height);
+    let mut maps = ChannelMaps::new(width, height);
     for (name, samples) in channels {
         if samples.item_count() != width * height {
             let count = samples.item_count();

@@ -1,19 +1,19 @@
 //! Models of one function: `mesophyll.beam`, `mesophyll.dipole`, `mesophyll.abm`.
 
-use crate::bridge::{Cost, Numbers, Stop, Troubles, answered, as_arguments, columns, fill, named};
+use crate::bridge::{CallInterrupt, NumberBuffer, RowCost, RowTroubles, answered, as_arguments, columns, fill, named};
 use mesophyll_base::error::Status;
-use mesophyll_optics::dipole::{Form, FormKind, Tissue, verdict};
-use mesophyll_optics::foliar::shares::{Method, shares};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path};
+use mesophyll_optics::dipole::{DipoleForm, FormKind, Tissue, verdict};
+use mesophyll_optics::foliar::shares::{FoliarMethod, shares};
+use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// Deflection and slope (2 cells a row) from taper and place, as `eval beam`.
 #[pyfunction]
-pub fn beam(py: Python<'_>, alpha: Numbers, x: Numbers, out: Numbers) -> PyResult<Troubles> {
+pub fn beam(py: Python<'_>, alpha: NumberBuffer, x: NumberBuffer, out: NumberBuffer) -> PyResult<RowTroubles> {
     let ([alpha, x], rows) = columns(py, [&alpha, &x])?;
-    fill(py, rows, Cost::Little, &out, |k, cells, _| {
+    fill(py, rows, RowCost::Little, &out, |k, cells, _| {
         answered(mesophyll_fits::branch::beam::evaluate(alpha[k], x[k]), cells)
     })
 }
@@ -22,13 +22,13 @@ pub fn beam(py: Python<'_>, alpha: Numbers, x: Numbers, out: Numbers) -> PyResul
 #[pyfunction]
 pub fn dipole(
     py: Python<'_>,
-    thickness: Numbers,
-    radius: Numbers,
+    thickness: NumberBuffer,
+    radius: NumberBuffer,
     tissue: [f64; 4],
     dipoles: u32,
     method: &str,
-    out: Numbers,
-) -> PyResult<Troubles> {
+    out: NumberBuffer,
+) -> PyResult<RowTroubles> {
     let [sigma_a, sigma_s, g, a] = tissue;
     let tissue = Tissue { sigma_a, sigma_s, g, a };
     if let Some(fault) = tissue.fault() {
@@ -37,9 +37,9 @@ pub fn dipole(
     if dipoles > verdict::MOST_DIPOLES {
         return Err(PyValueError::new_err(format!("dipoles is {dipoles}; expected 0 to {}", verdict::MOST_DIPOLES)));
     }
-    let form = Form::of(named::<FormKind>("method", method)?, dipoles);
+    let form = DipoleForm::of(named::<FormKind>("method", method)?, dipoles);
     let ([thickness, radius], rows) = columns(py, [&thickness, &radius])?;
-    fill(py, rows, Cost::Little, &out, |k, cells, _| {
+    fill(py, rows, RowCost::Little, &out, |k, cells, _| {
         let (t, status) = verdict::evaluate(&tissue, form, thickness[k], radius[k]);
         cells[0] = t;
         status
@@ -53,21 +53,21 @@ pub fn dipole(
 #[pyfunction]
 pub fn abm(
     py: Python<'_>,
-    leaves: Numbers,
+    leaves: NumberBuffer,
     side: &str,
     path: &str,
     rays: u64,
     seed: u64,
-    out: Numbers,
-) -> PyResult<Troubles> {
+    out: NumberBuffer,
+) -> PyResult<RowTroubles> {
     let side = Side::of_botanical(side)
         .ok_or_else(|| PyValueError::new_err(format!("side is {side:?}; expected adaxial or abaxial")))?;
-    let path: Path =
+    let path: MesophyllPath =
         path.parse().map_err(|_| PyValueError::new_err(format!("path is {path:?}; expected slant or sieve")))?;
     // No rays: the exact method.
-    let method = if rays == 0 { Method::Exact } else { Method::MonteCarlo { rays, seed } };
+    let method = if rays == 0 { FoliarMethod::Exact } else { FoliarMethod::MonteCarlo { rays, seed } };
     let leaves = leaves.to_vec(py)?;
-    fill(py, leaves.len() / 10, Cost::Much, &out, |k, cells, stop| {
+    fill(py, leaves.len() / 10, RowCost::Much, &out, |k, cells, stop| {
         match row(&leaves[10 * k..10 * k + 10], side, path, method, stop) {
             Ok(values) => {
                 cells.copy_from_slice(&values);
@@ -78,7 +78,13 @@ pub fn abm(
     })
 }
 
-fn row(cells: &[f64], side: Side, path: Path, method: Method, stop: &Stop) -> Result<[f64; 6], String> {
+fn row(
+    cells: &[f64],
+    side: Side,
+    path: MesophyllPath,
+    method: FoliarMethod,
+    stop: &CallInterrupt,
+) -> Result<[f64; 6], String> {
     let incidence = cells[9];
     if !(0.0..90.0).contains(&incidence) {
         return Err(format!("incidence_deg is {incidence}; expected 0 to below 90"));
@@ -89,7 +95,7 @@ fn row(cells: &[f64], side: Side, path: Path, method: Method, stop: &Stop) -> Re
         }
     }
     let oblateness = Oblateness { cuticle: cells[5], epidermis: cells[6], palisade: cells[7], spongy: cells[8] };
-    let leaf = Leaf {
+    let leaf = LayeredLeaf {
         depth: cells[0] * cells[1],
         n_cuticle: cells[2],
         n_mesophyll: cells[3],

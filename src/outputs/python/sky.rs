@@ -1,12 +1,12 @@
 //! Skies: `mesophyll.sky`.
 
-use crate::bridge::{Cost, Numbers, Troubles, columns, fill, named, run};
+use crate::bridge::{NumberBuffer, RowCost, RowTroubles, columns, fill, named, run};
 use mesophyll_base::error::Status;
-use mesophyll_fits::sky::evaluate::{Evaluator, Source};
+use mesophyll_fits::sky::evaluator::{SkyFitEvaluator, SkyFitSource};
 use mesophyll_fits::sky::window::WindowKind;
-use mesophyll_sky::Coefficients;
+use mesophyll_sky::HarmonicCoefficients;
 use mesophyll_sky::SkyModel;
-use mesophyll_sky::harmonics::{Basis, MOST_BANDS};
+use mesophyll_sky::harmonics::{HarmonicBasis, MOST_BANDS};
 use mesophyll_sky::irradiance::convolved;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -18,22 +18,22 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 #[pyfunction]
 pub fn sky_coefficients(
     py: Python<'_>,
-    sun_zenith: Numbers,
-    turbidity: Numbers,
+    sun_zenith: NumberBuffer,
+    turbidity: NumberBuffer,
     bands: usize,
     ways: (String, String, String),
     albedos: [f64; 2],
-    out: Numbers,
-) -> PyResult<(Troubles, Vec<String>)> {
+    out: NumberBuffer,
+) -> PyResult<(RowTroubles, Vec<String>)> {
     check_bands(bands)?;
-    let (source, model) = (named::<Source>("method", &ways.0)?, named::<SkyModel>("model", &ways.1)?);
+    let (source, model) = (named::<SkyFitSource>("method", &ways.0)?, named::<SkyModel>("model", &ways.1)?);
     let window = named::<WindowKind>("window", &ways.2)?;
-    let skies = run(py, || Evaluator::new(source, model, albedos[0], bands, window, albedos[1]))?;
+    let skies = run(py, || SkyFitEvaluator::new(source, model, albedos[0], bands, window, albedos[1]))?;
     let ([sun, turbidity], rows) = columns(py, [&sun_zenith, &turbidity])?;
     let (beyond, warned) = (AtomicUsize::new(0), AtomicUsize::new(0));
     // No fit has so many bands, and then the default integrates without counting.
-    let unfitted = source == Source::Fit && bands > mesophyll_fits::sky::MOST_BANDS;
-    let troubles = fill(py, rows, Cost::Much, &out, |k, cells, _| match skies.at(sun[k], turbidity[k]) {
+    let unfitted = source == SkyFitSource::Fit && bands > mesophyll_fits::sky::MOST_BANDS;
+    let troubles = fill(py, rows, RowCost::Much, &out, |k, cells, _| match skies.at(sun[k], turbidity[k]) {
         Ok(found) => {
             beyond.fetch_add(usize::from(found.beyond_fit || unfitted), Ordering::Relaxed);
             warned.fetch_add(usize::from(found.warned), Ordering::Relaxed);
@@ -66,10 +66,10 @@ fn check_bands(bands: usize) -> PyResult<()> {
 }
 
 /// The coefficients of one sky from 3 N² numbers.
-fn read(py: Python<'_>, coefficients: &Numbers, bands: usize) -> PyResult<Coefficients> {
+fn read(py: Python<'_>, coefficients: &NumberBuffer, bands: usize) -> PyResult<HarmonicCoefficients> {
     check_bands(bands)?;
     let values = coefficients.to_vec(py)?;
-    let mut sky = Coefficients::zero(bands);
+    let mut sky = HarmonicCoefficients::zero(bands);
     if values.len() != 3 * bands * bands {
         return Err(PyValueError::new_err(format!("{} coefficients; expected 3 N²", values.len())));
     }
@@ -92,16 +92,16 @@ fn unit(d: &[f64]) -> Result<[f64; 3], Status> {
 #[pyfunction]
 pub fn sky_evaluate(
     py: Python<'_>,
-    coefficients: Numbers,
+    coefficients: NumberBuffer,
     bands: usize,
-    directions: Numbers,
+    directions: NumberBuffer,
     irradiance: bool,
-    out: Numbers,
-) -> PyResult<Troubles> {
+    out: NumberBuffer,
+) -> PyResult<RowTroubles> {
     let sky = read(py, &coefficients, bands)?;
     let sky = if irradiance { convolved(&sky) } else { sky };
-    let (basis, directions) = (Basis::new(bands), directions.to_vec(py)?);
-    fill(py, directions.len() / 3, Cost::Little, &out, |k, cells, _| match unit(&directions[3 * k..3 * k + 3]) {
+    let (basis, directions) = (HarmonicBasis::new(bands), directions.to_vec(py)?);
+    fill(py, directions.len() / 3, RowCost::Little, &out, |k, cells, _| match unit(&directions[3 * k..3 * k + 3]) {
         Ok(d) => {
             cells.copy_from_slice(&basis.sum(&sky, d));
             Status::Ok

@@ -1,9 +1,9 @@
 //! Slabs: `mesophyll.slab`.
 
-use crate::bridge::{Cost, Numbers, Troubles, columns, fill, named};
+use crate::bridge::{NumberBuffer, RowCost, RowTroubles, columns, fill, named};
 use mesophyll_base::error::Status;
-use mesophyll_fits::slab::{Measured, Options, Specular, found};
-use mesophyll_optics::slab::inverse::Model;
+use mesophyll_fits::slab::{Options, SlabMeasurement, SpecularPart, found};
+use mesophyll_optics::slab::inverse::SlabModel;
 use mesophyll_optics::slab::{response, verdict};
 use pyo3::prelude::*;
 
@@ -11,23 +11,23 @@ use pyo3::prelude::*;
 #[pyfunction]
 pub fn slab_invert(
     py: Python<'_>,
-    r: Numbers,
-    t: Numbers,
-    thickness: Numbers,
-    r_err: Numbers,
-    t_err: Numbers,
+    r: NumberBuffer,
+    t: NumberBuffer,
+    thickness: NumberBuffer,
+    r_err: NumberBuffer,
+    t_err: NumberBuffer,
     method: &str,
     surface: f64,
-    out: Numbers,
-) -> PyResult<Troubles> {
-    let cost = if method == "fast" { Cost::Little } else { Cost::Much };
+    out: NumberBuffer,
+) -> PyResult<RowTroubles> {
+    let cost = if method == "fast" { RowCost::Little } else { RowCost::Much };
     let precision = named("method", method)?;
     let ([r, t, h, r_err, t_err], rows) = columns(py, [&r, &t, &thickness, &r_err, &t_err])?;
     // Rows without noise have NaN for it.
-    let model = Model::matched();
-    let options = Options { precision, noise: None, surface, model, specular: Specular::Included };
+    let model = SlabModel::matched();
+    let options = Options { precision, noise: None, surface, model, specular: SpecularPart::Included };
     fill(py, rows, cost, &out, |k, cells, _| {
-        let measured = Measured {
+        let measured = SlabMeasurement {
             rho_d: r[k],
             rho_t: t[k],
             thickness_mm: h[k],
@@ -45,13 +45,13 @@ pub fn slab_invert(
 #[pyfunction]
 pub fn slab_forward(
     py: Python<'_>,
-    sigma_a: Numbers,
-    sigma_s: Numbers,
-    thickness: Numbers,
-    out: Numbers,
-) -> PyResult<Troubles> {
+    sigma_a: NumberBuffer,
+    sigma_s: NumberBuffer,
+    thickness: NumberBuffer,
+    out: NumberBuffer,
+) -> PyResult<RowTroubles> {
     let ([a, s, h], rows) = columns(py, [&sigma_a, &sigma_s, &thickness])?;
-    fill(py, rows, Cost::Little, &out, |k, cells, _| {
+    fill(py, rows, RowCost::Little, &out, |k, cells, _| {
         for (name, value) in [("sigma_a", a[k]), ("sigma_s", s[k]), ("thickness", h[k])] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Status::Refused(format!("{name} is {value}; expected 0 or more"));
@@ -67,17 +67,17 @@ pub fn slab_forward(
 #[pyfunction]
 pub fn slab_evaluate(
     py: Python<'_>,
-    omega: Numbers,
-    delta: Numbers,
-    one_minus_omega: Numbers,
+    omega: NumberBuffer,
+    delta: NumberBuffer,
+    one_minus_omega: NumberBuffer,
     method: &str,
     incidence_deg: f64,
-    out: Numbers,
-) -> PyResult<Troubles> {
-    let cost = if method == "fast" { Cost::Little } else { Cost::Much };
-    let method: verdict::Method = named("method", method)?;
+    out: NumberBuffer,
+) -> PyResult<RowTroubles> {
+    let cost = if method == "fast" { RowCost::Little } else { RowCost::Much };
+    let method: verdict::SlabMethod = named("method", method)?;
     let ([omega, delta, rest], rows) = columns(py, [&omega, &delta, &one_minus_omega])?;
-    let slabs = verdict::Evaluator::new(method, incidence_deg.to_radians().cos(), 1.0);
+    let slabs = verdict::SlabEvaluator::new(method, incidence_deg.to_radians().cos(), 1.0);
     fill(py, rows, cost, &out, |k, cells, _| {
         let (seen, status) = slabs.evaluate(omega[k], delta[k], rest[k]);
         cells.copy_from_slice(&[seen.rho_d, seen.rho_t]);

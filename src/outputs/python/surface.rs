@@ -1,12 +1,12 @@
 //! Gloss: `mesophyll.gloss`.
 
-use crate::bridge::{Cost, Numbers, Troubles, answered, fill, named, raise, run};
+use crate::bridge::{NumberBuffer, RowCost, RowTroubles, answered, fill, named, raise, run};
 use mesophyll_base::error::Status;
-use mesophyll_files::table::Answer;
-use mesophyll_fits::gloss::geometry::Geometry;
-use mesophyll_fits::gloss::{Robust, TexelFit, TexelFitter, Workspace, samples};
+use mesophyll_files::table::OutputRow;
+use mesophyll_fits::gloss::geometry::GlossGeometry;
+use mesophyll_fits::gloss::{GlossFitWorkspace, GlossTexelFit, GlossTexelFitter, RobustWeighting, samples};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
-use mesophyll_optics::tube::Precision;
+use mesophyll_optics::tube::TubePrecision;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::cell::RefCell;
@@ -24,7 +24,7 @@ pub fn lobe(name: &str, index: f64) -> PyResult<Lobe> {
 /// Positions u of the frames of a device, which is given as the text of its TOML file.
 #[pyfunction]
 pub fn gloss_frames(device: &str, name: &str) -> PyResult<Vec<f64>> {
-    Ok(Geometry::from_text(device, Path::new(name)).map_err(raise)?.frames_u())
+    Ok(GlossGeometry::from_text(device, Path::new(name)).map_err(raise)?.frames_u())
 }
 
 /// Fits traces, `channels` (1 or 3) times as many numbers a row as the device has frames, channel by channel. Returns
@@ -32,32 +32,32 @@ pub fn gloss_frames(device: &str, name: &str) -> PyResult<Vec<f64>> {
 #[pyfunction]
 pub fn gloss_fit(
     py: Python<'_>,
-    traces: Numbers,
+    traces: NumberBuffer,
     channels: usize,
     device: (String, String),
     lobe_of: (String, f64),
     quadrature: usize,
     robust: &str,
-    out: Numbers,
-) -> PyResult<(Vec<String>, Troubles)> {
-    let geometry = Geometry::from_text(&device.0, Path::new(&device.1)).map_err(raise)?;
-    let (robust, lobe): (Robust, Lobe) = (named("robust", robust)?, lobe(&lobe_of.0, lobe_of.1)?);
+    out: NumberBuffer,
+) -> PyResult<(Vec<String>, RowTroubles)> {
+    let geometry = GlossGeometry::from_text(&device.0, Path::new(&device.1)).map_err(raise)?;
+    let (robust, lobe): (RobustWeighting, Lobe) = (named("robust", robust)?, lobe(&lobe_of.0, lobe_of.1)?);
     if !(2..=256).contains(&quadrature) {
         return Err(PyValueError::new_err(format!("quadrature is {quadrature}; expected 2 to 256")));
     }
     let frames = geometry.frames_u().len();
     let traces = traces.to_vec(py)?;
     let width = channels * frames;
-    let precision = Precision { along: quadrature, ..Precision::default() };
+    let precision = TubePrecision { along: quadrature, ..TubePrecision::default() };
     let mut fitter = run(py, || {
-        Ok(TexelFitter::with_precision(&geometry.device(lobe), &geometry.positions_mm(), None, &precision))
+        Ok(GlossTexelFitter::with_precision(&geometry.device(lobe), &geometry.positions_mm(), None, &precision))
     })?;
     fitter.robust = robust;
-    let troubles = fill(py, traces.len() / width, Cost::Much, &out, |row, cells, _| {
+    let troubles = fill(py, traces.len() / width, RowCost::Much, &out, |row, cells, _| {
         let of = &traces[row * width..(row + 1) * width];
         let value = |c: usize, k: usize| if c < channels { of[c * frames + k] as f32 } else { f32::NAN };
         let trace: Vec<[f32; 3]> = (0..frames).map(|k| std::array::from_fn(|c| value(c, k))).collect();
-        thread_local!(static SCRATCH: RefCell<Workspace> = RefCell::default());
+        thread_local!(static SCRATCH: RefCell<GlossFitWorkspace> = RefCell::default());
         let (fit, found) = SCRATCH.with_borrow_mut(|ws| {
             let fit = fitter.fit(ws, [0.0; 2], &trace, None);
             let found = fitter.judge(ws, &trace, &fit);
@@ -65,7 +65,7 @@ pub fn gloss_fit(
         });
         answered(fit.judged(found.as_ref(), channels), cells)
     })?;
-    Ok((TexelFit::outputs(channels), troubles))
+    Ok((GlossTexelFit::outputs(channels), troubles))
 }
 
 /// Fits the goniometer samples of one leaf: rows of source zenith, view zenith, view azimuth (degrees) and a value a
@@ -73,22 +73,23 @@ pub fn gloss_fit(
 #[pyfunction]
 pub fn gloss_fit_samples(
     py: Python<'_>,
-    rows: Numbers,
+    rows: NumberBuffer,
     names: Vec<String>,
     lobe_of: (String, f64),
 ) -> PyResult<(Vec<String>, Vec<f64>, String)> {
     let kind = LobeKind::from(lobe(&lobe_of.0, lobe_of.1)?);
-    let surface = if kind == LobeKind::default() { samples::Surface::Usual } else { samples::Surface::Of(kind) };
-    let settings = samples::Settings { surface, index: Some(lobe_of.1), ..samples::Settings::default() };
+    let surface = if kind == LobeKind::default() { samples::LobeChoice::Usual } else { samples::LobeChoice::Of(kind) };
+    let settings =
+        samples::GlossFitSettings { surface, index: Some(lobe_of.1), ..samples::GlossFitSettings::default() };
     let cells = rows.to_vec(py)?;
     let outputs = samples::outputs(&names, &settings);
     let answer = run(py, || {
-        let read: Result<Vec<samples::Sample>, String> = cells
+        let read: Result<Vec<samples::GlossSample>, String> = cells
             .chunks_exact(3 + names.len())
             .enumerate()
             .map(|(k, row)| samples::sample(row, &names).map_err(|why| format!("sample {k}: {why}")))
             .collect();
-        Ok(read.map_or_else(Answer::refused, |read| samples::answer(&read, &names, &settings)))
+        Ok(read.map_or_else(OutputRow::refused, |read| samples::answer(&read, &names, &settings)))
     })?;
     let values = if matches!(answer.status, Status::Refused(_)) { Vec::new() } else { answer.values };
     Ok((outputs, values, answer.status.to_string()))

@@ -1,10 +1,10 @@
 //! Views of kind `capture` as rows: pictures from a fit compared with frames that the fit did not see, from
 //! `check.json`.
 
-use crate::model::{Level, Picture, Reason};
+use crate::model::{QualityLevel, ReportPicture, VerdictReason};
 use crate::number::significant;
 use crate::scene::picture;
-use crate::size::Detail;
+use crate::size::ReportDetail;
 use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
@@ -32,17 +32,17 @@ pub struct CaptureRow {
     pub why: Vec<String>,
     /// Pictures: measured, the renderer's, the reference's, and the residuals.
     #[serde(skip)]
-    pub pictures: Vec<(String, Picture)>,
+    pub pictures: Vec<(String, ReportPicture)>,
 }
 
 /// The rows of a `check.json`; what was skipped, in sentences.
-pub fn read(folder: &Path, json: &Value, pictures: Option<Detail>) -> (Vec<CaptureRow>, Vec<String>) {
+pub fn read(folder: &Path, json: &Value, pictures: Option<ReportDetail>) -> (Vec<CaptureRow>, Vec<String>) {
     let list = |key: &str| json.get(key).and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
     let skipped = list("skipped").iter().filter_map(|s| s.as_str().map(str::to_string)).collect();
     (list("captures").iter().map(|c| row(folder, c, pictures)).collect(), skipped)
 }
 
-fn row(folder: &Path, json: &Value, pictures: Option<Detail>) -> CaptureRow {
+fn row(folder: &Path, json: &Value, pictures: Option<ReportDetail>) -> CaptureRow {
     let text = |key: &str| json.get(key).and_then(Value::as_str).unwrap_or_default().to_string();
     let of = |who: &str, key: &str| json.get(who).and_then(|v| v.get(key)).and_then(Value::as_f64);
     let whole = |key: &str| json.get(key).and_then(Value::as_u64);
@@ -88,18 +88,18 @@ fn row(folder: &Path, json: &Value, pictures: Option<Detail>) -> CaptureRow {
 }
 
 /// The verdict's sentence about these rows; `None` where there are none.
-pub fn reason(rows: &[CaptureRow]) -> Option<Reason> {
+pub fn reason(rows: &[CaptureRow]) -> Option<VerdictReason> {
     let missed: Vec<&str> = rows.iter().filter(|r| r.passed != Some(true)).map(|r| r.name.as_str()).collect();
     if !missed.is_empty() {
-        return Some(Reason {
-            level: Level::Bad,
+        return Some(VerdictReason {
+            level: QualityLevel::Bad,
             text: format!("pictures from the fit miss what was measured in {}", missed.join(", ")),
         });
     }
     let worst = rows.iter().filter_map(|r| r.renderer_off).fold(f64::NAN, f64::max);
     let frames = if rows.len() == 1 { "a frame".to_string() } else { format!("{} frames", rows.len()) };
-    (!rows.is_empty()).then(|| Reason {
-        level: Level::Good,
+    (!rows.is_empty()).then(|| VerdictReason {
+        level: QualityLevel::Good,
         text: format!(
             "pictures give back {frames} that no fit saw, off by at most {} of the measurement's noise",
             significant(worst, 2)

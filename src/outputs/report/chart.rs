@@ -1,21 +1,21 @@
 //! Charts as inline SVG without a script. Colours come from the page's CSS (`c0` … `c5`, `axis`, `grid`), so light and
 //! dark both work.
 
-use crate::colour::{self, Scale};
+use crate::colour::{self, ColourScale};
 use crate::number::{plain, significant, superscript};
-use crate::stats::Histogram;
+use crate::stats::MapHistogram;
 use std::fmt::Write;
 
 /// A named curve.
 #[derive(Debug, Clone)]
-pub struct Series {
+pub struct ChartSeries {
     pub name: String,
     pub points: Vec<(f64, f64)>,
 }
 
 /// Axis titles of a chart.
 #[derive(Debug, Clone, Copy)]
-pub struct Titles<'a> {
+pub struct AxisTitles<'a> {
     pub x: &'a str,
     pub y: &'a str,
     /// The description for readers who cannot see the picture.
@@ -48,7 +48,7 @@ pub(crate) fn colour_bar(ramp: &str, (min, max): (f64, f64), unit: &str) -> Stri
 /// The style of the colour bars: one gradient a scale.
 pub(crate) fn ramps() -> String {
     let gradient =
-        |scale: &Scale| (0..=32).map(|k| colour::hex(scale, f64::from(k) / 32.0)).collect::<Vec<_>>().join(",");
+        |scale: &ColourScale| (0..=32).map(|k| colour::hex(scale, f64::from(k) / 32.0)).collect::<Vec<_>>().join(",");
     let scales = [
         ("ramp", gradient(colour::sequential())),
         ("ramp-signed", gradient(colour::diverging())),
@@ -60,7 +60,7 @@ pub(crate) fn ramps() -> String {
 
 /// Histograms over one axis: the first filled, the others outlined; `marks` are vertical lines with names; `normal`
 /// draws the unit normal density.
-pub fn histogram(parts: &[(&str, &Histogram)], titles: Titles, marks: &[(f64, &str)], normal: bool) -> String {
+pub fn histogram(parts: &[(&str, &MapHistogram)], titles: AxisTitles, marks: &[(f64, &str)], normal: bool) -> String {
     let Some((_, first)) = parts.first() else { return String::new() };
     let densities: Vec<Vec<f64>> = parts.iter().map(|(_, h)| h.density()).collect();
     let mut peak = densities.iter().flatten().copied().fold(0.0, f64::max);
@@ -104,11 +104,11 @@ pub fn histogram(parts: &[(&str, &Histogram)], titles: Titles, marks: &[(f64, &s
 }
 
 /// Curves on logarithmic axes; points that a logarithm cannot show are left out.
-pub(crate) fn log_log(series: &[Series], titles: Titles) -> Option<String> {
+pub(crate) fn log_log(series: &[ChartSeries], titles: AxisTitles) -> Option<String> {
     let usable = |p: &&(f64, f64)| p.0 > 0.0 && p.1 > 0.0 && p.0.is_finite() && p.1.is_finite();
-    let shown: Vec<Series> = series
+    let shown: Vec<ChartSeries> = series
         .iter()
-        .map(|s| Series { name: s.name.clone(), points: s.points.iter().filter(usable).copied().collect() })
+        .map(|s| ChartSeries { name: s.name.clone(), points: s.points.iter().filter(usable).copied().collect() })
         .filter(|s| !s.points.is_empty())
         .collect();
     let range = |pick: fn(&(f64, f64)) -> f64| {
@@ -232,7 +232,7 @@ impl Plot {
             self.width, self.height
         )
     }
-    fn axes(&self, out: &mut String, titles: Titles, vertical_ticks: bool) {
+    fn axes(&self, out: &mut String, titles: AxisTitles, vertical_ticks: bool) {
         let (floor, left, right) = (self.height - BOTTOM, LEFT, self.width - RIGHT);
         for (v, label) in self.horizontal.ticks(if self.horizontal.log { 8 } else { 5 }) {
             let x = self.x(v);
@@ -291,8 +291,8 @@ mod tests {
 
     #[test]
     fn text_cannot_leave_its_element() {
-        let s = [Series { name: "</text><script>".into(), points: vec![(1.0, 1.0), (2.0, 0.5)] }];
-        let svg = log_log(&s, Titles { x: "<x>", y: "&", about: "\"quoted\"" }).unwrap();
+        let s = [ChartSeries { name: "</text><script>".into(), points: vec![(1.0, 1.0), (2.0, 0.5)] }];
+        let svg = log_log(&s, AxisTitles { x: "<x>", y: "&", about: "\"quoted\"" }).unwrap();
         assert!(!svg.contains("<script>") && !svg.contains("<x>") && svg.contains("&lt;/text&gt;"));
     }
 
@@ -309,8 +309,8 @@ mod tests {
 
     #[test]
     fn nothing_to_plot_is_nothing() {
-        let zero = [Series { name: "a".into(), points: vec![(0.0, 1.0), (1.0, 0.0), (f64::NAN, 1.0)] }];
-        assert!(log_log(&zero, Titles { x: "", y: "", about: "" }).is_none());
+        let zero = [ChartSeries { name: "a".into(), points: vec![(0.0, 1.0), (1.0, 0.0), (f64::NAN, 1.0)] }];
+        assert!(log_log(&zero, AxisTitles { x: "", y: "", about: "" }).is_none());
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! False colour: a sequential and a diverging scale with evenly perceived steps, computed in OKLab (Ottosson 2020), and
 //! pictures as indexed PNG inside data URIs.
 
-use crate::model::{Picture, Texels};
-use crate::values::{self, Values};
+use crate::model::{PictureTexels, ReportPicture};
+use crate::values::{self, MapValues};
 use plotters::style::RGBColor;
 use std::sync::OnceLock;
 
@@ -19,20 +19,20 @@ pub const COLORS: [RGBColor; 8] = [
 ];
 
 /// 255 colours of a scale.
-pub type Scale = [[u8; 3]; 255];
+pub type ColourScale = [[u8; 3]; 255];
 /// Colours of the coarse picture that stands for a map until the page's script draws its values. Few colours keep it
 /// small.
 const COARSE: usize = 32;
 
 /// Dark violet over teal to yellow. Lightness rises evenly, so the scale also works in grey and for colour-blind eyes.
-pub(crate) fn sequential() -> &'static Scale {
-    static SCALE: OnceLock<Scale> = OnceLock::new();
+pub(crate) fn sequential() -> &'static ColourScale {
+    static SCALE: OnceLock<ColourScale> = OnceLock::new();
     SCALE.get_or_init(|| std::array::from_fn(|k| sequential_at(k as f64 / 254.0)))
 }
 
 /// Blue over light grey to red; the middle is zero.
-pub(crate) fn diverging() -> &'static Scale {
-    static SCALE: OnceLock<Scale> = OnceLock::new();
+pub(crate) fn diverging() -> &'static ColourScale {
+    static SCALE: OnceLock<ColourScale> = OnceLock::new();
     SCALE.get_or_init(|| {
         std::array::from_fn(|k| {
             let t = k as f64 / 127.0 - 1.0;
@@ -81,7 +81,7 @@ fn oklab_to_linear(l: f64, a: f64, b: f64) -> [f64; 3] {
 
 /// Which samples of a map to show, and how large.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame {
+pub struct MapFrame {
     pub width: usize,
     pub height: usize,
     /// Largest width of the picture; larger maps are averaged over squares of texels.
@@ -92,7 +92,7 @@ pub struct Frame {
     pub kept: (usize, u32),
 }
 
-impl Frame {
+impl MapFrame {
     /// Texels averaged into a pixel, along each direction.
     pub fn step(&self) -> usize {
         self.width.div_ceil(self.max_width.max(1)).max(self.least_step).max(1)
@@ -102,21 +102,21 @@ impl Frame {
         (self.width.div_ceil(self.step()), self.height.div_ceil(self.step()))
     }
 
-    fn texels(&self) -> Texels {
-        Texels { columns: self.width, rows: self.height, step: self.step() }
+    fn texels(&self) -> PictureTexels {
+        PictureTexels { columns: self.width, rows: self.height, step: self.step() }
     }
 }
 
 /// A map in false colour over [min, max], with its values in `unit`; samples without a value are transparent. `signed`
 /// takes the diverging scale.
 pub(crate) fn false_colour(
-    frame: Frame,
+    frame: MapFrame,
     signed: bool,
     (min, max): (f64, f64),
     unit: &str,
     value: impl Fn(usize) -> f32,
     alt: String,
-) -> Option<Picture> {
+) -> Option<ReportPicture> {
     let (w, h) = frame.size();
     let mut indices = vec![0; w * h];
     for (y, row) in indices.chunks_exact_mut(w.max(1)).enumerate() {
@@ -129,19 +129,19 @@ pub(crate) fn false_colour(
     }
     let scale = if signed { diverging() } else { sequential() };
     let values = values::pack((frame.width, frame.height), frame.kept, unit, value);
-    let values = values.map(|v| Values { range: [min, max], signed, ..v });
+    let values = values.map(|v| MapValues { range: [min, max], signed, ..v });
     let palette: [[u8; 3]; COARSE] = std::array::from_fn(|k| scale[k * 254 / (COARSE - 1)]);
-    Some(Picture { values, ..indexed_png((w, h), frame.texels(), &indices, &palette, alt)? })
+    Some(ReportPicture { values, ..indexed_png((w, h), frame.texels(), &indices, &palette, alt)? })
 }
 
 /// Categories: `code(i)` is an index into `colours`, `None` is transparent. Categories are never averaged: a pixel
 /// shows the largest category of its texels, so that a single defect stays visible.
 pub(crate) fn categories(
-    frame: Frame,
+    frame: MapFrame,
     colours: &[[u8; 3]],
     code: impl Fn(usize) -> Option<usize>,
     alt: String,
-) -> Option<Picture> {
+) -> Option<ReportPicture> {
     let (w, h) = frame.size();
     let step = frame.step();
     let mut indices = vec![0; w * h];
@@ -161,7 +161,7 @@ pub(crate) fn categories(
     indexed_png((w, h), frame.texels(), &indices, colours, alt)
 }
 
-fn averaged(frame: Frame, x: usize, y: usize, value: &impl Fn(usize) -> f32) -> Option<f64> {
+fn averaged(frame: MapFrame, x: usize, y: usize, value: &impl Fn(usize) -> f32) -> Option<f64> {
     let step = frame.step();
     let (mut sum, mut n) = (0.0, 0usize);
     for j in y * step..((y + 1) * step).min(frame.height) {
@@ -178,12 +178,12 @@ fn averaged(frame: Frame, x: usize, y: usize, value: &impl Fn(usize) -> f32) -> 
 
 /// Linear RGB as it would look (in sRGB), transparent where `shown` is false.
 pub fn photograph(
-    frame: Frame,
+    frame: MapFrame,
     rgb: [&[f32]; 3],
     gain: f32,
     shown: impl Fn(usize) -> bool,
     alt: String,
-) -> Option<Picture> {
+) -> Option<ReportPicture> {
     let (w, h) = frame.size();
     let mut pixels = Vec::with_capacity(w * h * 4);
     for y in 0..h {
@@ -205,18 +205,18 @@ pub fn photograph(
     encoder.set_compression(png::Compression::Balanced);
     encoder.write_header().ok()?.write_image_data(&pixels).ok()?;
     let uri = data_uri("image/png", &bytes);
-    Some(Picture { uri, width: w, height: h, alt, texels: frame.texels(), values: None })
+    Some(ReportPicture { uri, width: w, height: h, alt, texels: frame.texels(), values: None })
 }
 
 /// Indexed PNG as a data URI. Index 0 is transparent, the palette holds the colours from 1 on. `None` when there is
 /// nothing to show.
 fn indexed_png(
     (width, height): (usize, usize),
-    texels: Texels,
+    texels: PictureTexels,
     indices: &[u8],
     palette: &[[u8; 3]],
     alt: String,
-) -> Option<Picture> {
+) -> Option<ReportPicture> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
     encoder.set_color(png::ColorType::Indexed);
@@ -226,7 +226,7 @@ fn indexed_png(
     encoder.set_compression(png::Compression::Balanced);
     encoder.set_filter(png::Filter::NoFilter);
     encoder.write_header().ok()?.write_image_data(indices).ok()?;
-    Some(Picture { uri: data_uri("image/png", &bytes), width, height, alt, texels, values: None })
+    Some(ReportPicture { uri: data_uri("image/png", &bytes), width, height, alt, texels, values: None })
 }
 
 /// `data:…;base64,…`.
@@ -248,12 +248,12 @@ pub(crate) fn base64(bytes: &[u8]) -> String {
 }
 
 /// All colours of a scale, six hexadecimal digits each.
-pub(crate) fn listed(scale: &Scale) -> String {
+pub(crate) fn listed(scale: &ColourScale) -> String {
     scale.iter().map(|[r, g, b]| format!("{r:02x}{g:02x}{b:02x}")).collect()
 }
 
 /// `#rrggbb` of a scale at `t` ∈ [0, 1].
-pub fn hex(scale: &Scale, t: f64) -> String {
+pub fn hex(scale: &ColourScale, t: f64) -> String {
     let [r, g, b] = scale[(t.clamp(0.0, 1.0) * 254.0).round() as usize];
     format!("#{r:02x}{g:02x}{b:02x}")
 }
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn a_single_defect_survives_shrinking() {
-        let frame = Frame { width: 100, height: 10, max_width: 10, least_step: 1, kept: (1, 3) };
+        let frame = MapFrame { width: 100, height: 10, max_width: 10, least_step: 1, kept: (1, 3) };
         let with = categories(frame, &[[0; 3], [255, 0, 0]], |i| Some(usize::from(i == 555)), String::new()).unwrap();
         let without = categories(frame, &[[0; 3], [255, 0, 0]], |_| Some(0), String::new()).unwrap();
         assert_eq!((with.width, with.height), (10, 1));

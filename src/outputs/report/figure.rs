@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 
 /// One line of the page.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Figure {
+pub struct ReportFigure {
     /// What the figure is called on the page.
     pub name: String,
     /// The figure as it is printed, with its unit.
@@ -51,7 +51,7 @@ fn entry(key: &str) -> Option<(usize, &str)> {
 }
 
 /// The line of a figure; `None` for one that has no name.
-pub fn figure(key: &str, value: f64) -> Option<Figure> {
+pub fn figure(key: &str, value: f64) -> Option<ReportFigure> {
     let (at, channel) = entry(key)?;
     let [_, name, unit, meaning] = catalogue()[at];
     let name = if channel.is_empty() { name.to_string() } else { format!("{name}, {}", channel_word(channel)) };
@@ -62,14 +62,14 @@ pub fn figure(key: &str, value: f64) -> Option<Figure> {
         "°" => format!("{}°", plain(value)),
         unit => format!("{} {unit}", plain(value)),
     };
-    Some(Figure { name, value, meaning })
+    Some(ReportFigure { name, value, meaning })
 }
 
 /// The figures that are shown by themselves, in the catalogue's order, and the number of figures without a name.
-pub fn lines<'a>(all: impl Iterator<Item = (&'a String, &'a f64)>) -> (Vec<Figure>, usize) {
+pub fn lines<'a>(all: impl Iterator<Item = (&'a String, &'a f64)>) -> (Vec<ReportFigure>, usize) {
     let mut keys: Vec<_> = all.collect();
     keys.sort_by_key(|(key, _)| entry(key).map_or(usize::MAX, |e| e.0));
-    let found: Vec<Figure> = keys.iter().filter_map(|(key, v)| figure(key, **v)).collect();
+    let found: Vec<ReportFigure> = keys.iter().filter_map(|(key, v)| figure(key, **v)).collect();
     let without = keys.len() - found.len();
     (found, without)
 }

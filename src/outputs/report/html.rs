@@ -1,12 +1,12 @@
 //! The report as one HTML file: without anything from the network, in light or dark by the reader's preference. Its one
 //! script (`page.js`) is for looking closer; without scripts everything but the values under the pointer is shown.
 
-use crate::model::{Comparison, FitReport, Picture, Report, ViewReport};
+use crate::model::{FitComparison, FitReport, Report, ReportPicture, ViewReport};
 use crate::number;
 use crate::quantity::{channel_word, symbol};
-use crate::size::Detail;
+use crate::size::ReportDetail;
 use crate::{Error, Result};
-use crate::{chart, colour, figure, translucency, view};
+use crate::{chart, colour, figure, lines, translucency};
 use mesophyll_fits::record::FitKind;
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
@@ -25,7 +25,7 @@ const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
 /// Renders a report that was read with pictures.
-pub fn render(report: &Report, detail: &Detail) -> Result<String> {
+pub fn render(report: &Report, detail: &ReportDetail) -> Result<String> {
     let failed = |e: minijinja::Error| Error::Missed(format!("the report's template cannot be filled: {e:#}"));
     let mut env = Environment::new();
     env.set_auto_escape_callback(|_| AutoEscape::Html);
@@ -35,8 +35,8 @@ pub fn render(report: &Report, detail: &Detail) -> Result<String> {
     env.add_filter("duration", |v: &Value| number_or_dash(v, number::duration));
     env.add_filter("thousands", |v: &Value| number_or_dash(v, |n| number::count(n.max(0.0) as usize)));
     env.add_filter("words", |v: String| figure::words(&v));
-    env.add_filter("parameter", |v: String| view::channel_of(&v));
-    env.add_filter("residual_unit", |v: String| view::residual_unit(&v));
+    env.add_filter("parameter", |v: String| lines::channel_of(&v));
+    env.add_filter("residual_unit", |v: String| lines::residual_unit(&v));
     env.add_filter("coverage", |v: &Value| coverage(v));
     env.add_filter("symbol", |v: String| symbol(&v));
     env.add_filter("colour_word", |v: String| channel_word(&v).to_string());
@@ -79,22 +79,22 @@ fn keep_together(html: &str) -> String {
 }
 
 fn fit(f: &FitReport) -> Value {
-    let (truth_chart, cost_chart) = view::trace_charts(f);
-    let lines = view::parameter_lines(&f.parameters);
+    let (truth_chart, cost_chart) = lines::trace_charts(f);
+    let lines = lines::parameter_lines(&f.parameters);
     let sections: Vec<Value> =
-        f.sections.iter().map(|s| context! { row => Serde(s), figures => Serde(view::figures(&s.figures)) }).collect();
+        f.sections.iter().map(|s| context! { row => Serde(s), figures => Serde(lines::figures(&s.figures)) }).collect();
     context! {
         row => Serde(f),
         word => f.verdict.level.word(),
         kind_words => f.kind.words(),
         coloured => lines.iter().any(|l| l.cells.len() == 3),
-        rule => if f.parameters.iter().any(|p| p.undetermined.is_some()) { view::RULE } else { "" },
-        caliper => if f.parameters.iter().any(|p| p.stderr_caliper.is_some()) { view::CALIPER } else { "" },
+        rule => if f.parameters.iter().any(|p| p.undetermined.is_some()) { lines::RULE } else { "" },
+        caliper => if f.parameters.iter().any(|p| p.stderr_caliper.is_some()) { lines::CALIPER } else { "" },
         parameters => Serde(lines),
         sections,
         sides => Serde(&f.pictures),
         held_out => Serde(&f.held_out.pictures),
-        phases => Serde(f.times.as_ref().map(view::phase_lines).unwrap_or_default()),
+        phases => Serde(f.times.as_ref().map(lines::phase_lines).unwrap_or_default()),
         truth_chart,
         cost_chart,
         made => Serde(if f.kind == FitKind::Translucency { translucency::how(&f.options) } else { Vec::new() }),
@@ -102,7 +102,7 @@ fn fit(f: &FitReport) -> Value {
     }
 }
 
-fn comparison(c: &Comparison) -> Value {
+fn comparison(c: &FitComparison) -> Value {
     let lines: Vec<Value> = c
         .parameters
         .iter()
@@ -112,11 +112,11 @@ fn comparison(c: &Comparison) -> Value {
                 symbol => symbol(&p.name),
                 channel => channel_word(&p.channel),
                 unit => p.unit.clone(),
-                first => view::value_or_word(p.first, p.first_stderr),
-                second => view::value_or_word(p.second, p.second_stderr),
+                first => lines::value_or_word(p.first, p.first_stderr),
+                second => lines::value_or_word(p.second, p.second_stderr),
                 estimates => Serde(&p.estimates),
                 difference => p.difference.map_or_else(|| "—".into(), number::plain),
-                sigmas => view::sigmas(p),
+                sigmas => lines::sigmas(p),
                 apart => p.sigmas.is_some_and(|s| s.abs() > 1.96),
             }
         })
@@ -125,7 +125,7 @@ fn comparison(c: &Comparison) -> Value {
 }
 
 fn shot(v: &ViewReport) -> Value {
-    let picture = |p: &Option<Picture>| Serde(p.clone());
+    let picture = |p: &Option<ReportPicture>| Serde(p.clone());
     let top = |name: &str| v.figures.get(name).copied().filter(|t| *t > 0.0);
     let bar = |ramp: &str, range: Option<(f64, f64)>| range.map(|r| chart::colour_bar(ramp, r, ""));
     context! {
@@ -144,7 +144,7 @@ fn shot(v: &ViewReport) -> Value {
 fn coverage(truth: &Value) -> String {
     let number = |name: &str| truth.get_attr(name).ok().and_then(|v| f64::try_from(v).ok());
     let judged = number("judged").map(|n| n as usize);
-    view::coverage(number("coverage95"), judged)
+    lines::coverage(number("coverage95"), judged)
 }
 
 /// A number in words, `—` where there is none.

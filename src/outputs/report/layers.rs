@@ -2,12 +2,12 @@
 //! made of layers: per length, and over the leaf's whole thickness, which is what light can tell.
 
 use super::ReportSource;
-use super::maps::SideMaps;
+use super::maps::ReportSideMaps;
 use super::quantity::channel_word;
-use super::spectrum::{self, Line, Panel};
-use crate::read::sides;
+use super::spectrum::{self, SpectrumLine, SpectrumPanel};
+use crate::reader::sides;
 use crate::{Error, Result};
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ pub fn pictures(sources: &[ReportSource], folder: &Path) -> Result<Vec<PathBuf>>
         let before = all.len();
         for side in sides {
             for (whole, end) in [(false, ""), (true, "-crossing")] {
-                let panels: Vec<Panel> = (0..3).filter_map(|c| panel(&side, c, whole)).collect();
+                let panels: Vec<SpectrumPanel> = (0..3).filter_map(|c| panel(&side, c, whole)).collect();
                 if !panels.is_empty() {
                     all.push((format!("{name}-{}{end}", side.section), panels));
                 }
@@ -40,9 +40,9 @@ pub fn pictures(sources: &[ReportSource], folder: &Path) -> Result<Vec<PathBuf>>
 }
 
 /// `whole`: over the leaf's thickness; the fit and the truth each use their own.
-fn panel(side: &SideMaps, c: usize, whole: bool) -> Option<Panel> {
+fn panel(side: &ReportSideMaps, c: usize, whole: bool) -> Option<SpectrumPanel> {
     let maps = [(&side.fit, Quantity::SigmaA), (side.truth.as_ref()?, Quantity::Absorption)];
-    let of = |(maps, quantity): (&Maps, Quantity)| -> Option<Vec<f64>> {
+    let of = |(maps, quantity): (&ChannelMaps, Quantity)| -> Option<Vec<f64>> {
         let (plane, thickness) = (maps.plane(quantity, c)?, maps.scalar(Quantity::Thickness)?);
         let times = |t: &f32| if whole { f64::from(*t) } else { 1.0 };
         Some(plane.iter().zip(thickness).map(|(s, t)| f64::from(*s) * times(t)).collect())
@@ -57,14 +57,14 @@ fn panel(side: &SideMaps, c: usize, whole: bool) -> Option<Panel> {
     let step = pairs.len().div_ceil(SHOWN);
     let dots = pairs.iter().step_by(step).map(|[a, s]| [*a, *s, f64::NAN]).collect();
     let line = [low, high].map(|a| [a, ratio * a, f64::NAN]).to_vec();
-    Some(Panel {
+    Some(SpectrumPanel {
         title: format!("{}, {}", side.section, channel_word(Quantity::SigmaA.letters()[c])),
         across: if whole { "absorption of a crossing" } else { "absorption of the mesophyll (1/mm)" }.into(),
         axis: if whole { "σa times thickness" } else { "σa (1/mm)" }.into(),
         logarithmic: false,
         lines: vec![
-            Line { name: "texels".into(), points: dots, dots: true },
-            Line { name: format!("{ratio:.2} times"), points: line, dots: false },
+            SpectrumLine { name: "texels".into(), points: dots, dots: true },
+            SpectrumLine { name: format!("{ratio:.2} times"), points: line, dots: false },
         ],
     })
 }

@@ -6,19 +6,20 @@
 mod captures;
 mod chart;
 mod colour;
-mod compare;
+mod comparison;
 pub mod figure;
 mod held_out;
 mod html;
 pub mod layers;
+mod lines;
 mod maps;
 mod markdown;
 mod model;
 mod notes;
 pub mod number;
+mod packing;
 mod quantity;
-mod read;
-mod repack;
+mod reader;
 mod residuals;
 mod scene;
 mod size;
@@ -27,11 +28,10 @@ mod stats;
 mod translucency;
 mod values;
 mod verdict;
-mod view;
 
 pub use colour::COLORS;
-pub use model::{Level, Reason, Report, Verdict};
-use size::Detail;
+pub use model::{QualityLevel, Report, ReportVerdict, VerdictReason};
+use size::ReportDetail;
 use std::path::{Path, PathBuf};
 
 /// A folder to report: a fit (`fit.toml`), or a run with `check.json`, `plan.json` and fits below it.
@@ -59,13 +59,13 @@ pub struct Options {
     /// Compares every further fit with the first.
     pub compare: bool,
     /// How finely pictures are drawn (HTML needs them, rows do not).
-    pub pictures: Option<Detail>,
+    pub pictures: Option<ReportDetail>,
     /// Heading; the fits' names when absent.
     pub title: Option<String>,
 }
 
 /// Two or more fits that are named one by one are meant to be compared; the fits of a run are not.
-fn defaults(sources: &[ReportSource], pictures: Option<Detail>) -> Options {
+fn defaults(sources: &[ReportSource], pictures: Option<ReportDetail>) -> Options {
     Options { compare: sources.len() > 1 && sources.iter().all(ReportSource::is_fit), pictures, title: None }
 }
 
@@ -79,7 +79,7 @@ pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
     let mut level = 0;
     let (report, page) = loop {
         let detail = &size::DETAILS[level];
-        let report = read::read(sources, &defaults(sources, Some(*detail)))?;
+        let report = reader::read(sources, &defaults(sources, Some(*detail)))?;
         let page = html::render(&report, detail)?;
         match size::next(level, page.len()) {
             Some(coarser) => level = coarser,
@@ -94,13 +94,13 @@ pub fn write_html(sources: &[ReportSource], path: &Path) -> Result<Report> {
 ///
 /// # Errors
 /// As [`rows`].
-pub fn verdict(folder: &Path) -> Result<Verdict> {
-    read::verdict_of(folder)
+pub fn verdict(folder: &Path) -> Result<ReportVerdict> {
+    reader::verdict_of(folder)
 }
 
 /// The rows of a report.
 pub fn rows(sources: &[ReportSource]) -> Result<Report> {
-    read::read(sources, &defaults(sources, None))
+    reader::read(sources, &defaults(sources, None))
 }
 
 /// The rows as JSON; numbers that are not finite are `null`.

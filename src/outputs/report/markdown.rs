@@ -1,9 +1,11 @@
 //! The rows as Markdown tables, for terminals, issues and notes.
 
-use crate::model::{CheckReport, Comparison, FitReport, Level, PlanReport, Report, SectionReport, Verdict};
+use crate::model::{
+    CheckReport, FitComparison, FitReport, PlanReport, QualityLevel, Report, ReportVerdict, SectionReport,
+};
 use crate::number::{count, duration, percent, plain};
 use crate::quantity::{channel_word, parameter, symbol};
-use crate::{figure, view};
+use crate::{figure, lines};
 use std::fmt::Write;
 
 /// Renders a report.
@@ -62,11 +64,11 @@ fn or_dash(value: Option<f64>, format: impl Fn(f64) -> String) -> String {
     value.map_or_else(|| "—".into(), format)
 }
 
-fn reasons(out: &mut String, v: &Verdict) {
-    let mark = |l: Level| match l {
-        Level::Good => "ok",
-        Level::Doubtful => "look",
-        Level::Bad => "BAD",
+fn reasons(out: &mut String, v: &ReportVerdict) {
+    let mark = |l: QualityLevel| match l {
+        QualityLevel::Good => "ok",
+        QualityLevel::Doubtful => "look",
+        QualityLevel::Bad => "BAD",
     };
     let lines: Vec<String> = v.reasons.iter().map(|r| format!("{}: {}", mark(r.level), r.text)).collect();
     if !lines.is_empty() {
@@ -81,7 +83,7 @@ fn fit(out: &mut String, f: &FitReport) {
     if !f.parameters.is_empty() {
         heading(out, 3, "Parameters");
         let rows = f.parameters.iter().map(|p| {
-            let cell = view::parameter_cell(p);
+            let cell = lines::parameter_cell(p);
             let text = with_estimate(cell.text, &cell.note);
             let (symbol, meaning) = parameter(&p.name);
             vec![p.section.clone(), symbol, meaning.into(), channel_word(&p.channel).into(), text, p.unit.clone()]
@@ -89,7 +91,7 @@ fn fit(out: &mut String, f: &FitReport) {
         table(out, &["side", "parameter", "what it is", "channel", "value ± standard error", "unit"], rows);
         let undetermined = f.parameters.iter().any(|p| p.undetermined.is_some());
         let shared = f.parameters.iter().any(|p| p.stderr_caliper.is_some());
-        for (_, text) in [(undetermined, view::RULE), (shared, view::CALIPER)].iter().filter(|(met, _)| *met) {
+        for (_, text) in [(undetermined, lines::RULE), (shared, lines::CALIPER)].iter().filter(|(met, _)| *met) {
             let _ = writeln!(out, "\n{text}");
         }
     }
@@ -137,7 +139,7 @@ fn fit(out: &mut String, f: &FitReport) {
         table(
             out,
             &["phase", "time", "share"],
-            view::phase_lines(t).into_iter().map(|p| vec![p.name, p.time, percent(p.share / 100.0)]),
+            lines::phase_lines(t).into_iter().map(|p| vec![p.name, p.time, percent(p.share / 100.0)]),
         );
         for (name, rows) in &t.traces {
             heading(out, 4, &format!("Error against run time: {}", figure::words(name)));
@@ -181,7 +183,12 @@ fn section(out: &mut String, s: &SectionReport) {
     if !s.truth.is_empty() {
         heading(out, 3, &head("Against the truth"));
         let rows = s.truth.iter().map(|(n, t)| {
-            vec![symbol(n), percent(t.median_relative), percent(t.p99_relative), view::coverage(t.coverage95, t.judged)]
+            vec![
+                symbol(n),
+                percent(t.median_relative),
+                percent(t.p99_relative),
+                lines::coverage(t.coverage95, t.judged),
+            ]
         });
         table(out, &["quantity", "median error", "99 % within", "truths inside 95 % intervals"], rows);
     }
@@ -196,17 +203,17 @@ fn section(out: &mut String, s: &SectionReport) {
     }
     if !s.correlation_names.is_empty() {
         heading(out, 3, &head("Correlations"));
-        let labels: Vec<String> = s.correlation_names.iter().map(|n| view::channel_of(n)).collect();
+        let labels: Vec<String> = s.correlation_names.iter().map(|n| lines::channel_of(n)).collect();
         let mut names = vec![""];
         names.extend(labels.iter().map(String::as_str));
         let rows = s.correlation.iter().zip(&s.correlation_names).map(|(line, n)| {
-            let mut row = vec![view::channel_of(n)];
+            let mut row = vec![lines::channel_of(n)];
             row.extend(line.iter().map(|v| format!("{v:.2}")));
             row
         });
         table(out, &names, rows);
     }
-    let figures = view::figures(&s.figures);
+    let figures = lines::figures(&s.figures);
     if !s.figures.is_empty() {
         heading(out, 3, &head("Figures"));
         let mut names = vec![figures.heading.as_str()];
@@ -232,7 +239,7 @@ fn with_estimate(text: String, estimate: &str) -> String {
     if estimate.is_empty() { text } else { format!("{text} ({estimate})") }
 }
 
-fn comparison(out: &mut String, c: &Comparison) {
+fn comparison(out: &mut String, c: &FitComparison) {
     heading(out, 2, &format!("{} against {}", c.second, c.first));
     let _ = writeln!(out, "\n{}", inline(&c.sentence));
     let rows = c.parameters.iter().map(|p| {
@@ -240,10 +247,10 @@ fn comparison(out: &mut String, c: &Comparison) {
             p.section.clone(),
             symbol(&p.name),
             channel_word(&p.channel).into(),
-            with_estimate(view::value_or_word(p.first, p.first_stderr), &p.estimates[0]),
-            with_estimate(view::value_or_word(p.second, p.second_stderr), &p.estimates[1]),
+            with_estimate(lines::value_or_word(p.first, p.first_stderr), &p.estimates[0]),
+            with_estimate(lines::value_or_word(p.second, p.second_stderr), &p.estimates[1]),
             or_dash(p.difference, plain),
-            view::sigmas(p),
+            lines::sigmas(p),
             p.unit.clone(),
         ]
     });

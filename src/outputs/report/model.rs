@@ -2,17 +2,17 @@
 
 use crate::captures::CaptureRow;
 use crate::held_out::HeldOutReport;
-use crate::stats::Summary;
-use crate::values::Values;
-use mesophyll_base::solve::TraceRow;
-use mesophyll_fits::record::{FitKind, Phase, Residuals, TruthError};
+use crate::stats::MapSummary;
+use crate::values::MapValues;
+use mesophyll_base::solvers::TraceRow;
+use mesophyll_fits::record::{FitKind, FitPhase, ResidualStatistics, TruthError};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// A level of quality. The levels are ordered, so that the worst reason decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Level {
+pub enum QualityLevel {
     /// Nothing speaks against it.
     Good,
     /// Usable, but something should be checked.
@@ -21,38 +21,38 @@ pub enum Level {
     Bad,
 }
 
-impl Level {
+impl QualityLevel {
     /// Its word in the report.
     pub fn word(self) -> &'static str {
         match self {
-            Level::Good => "Good",
-            Level::Doubtful => "Usable with care",
-            Level::Bad => "Not good",
+            QualityLevel::Good => "Good",
+            QualityLevel::Doubtful => "Usable with care",
+            QualityLevel::Bad => "Not good",
         }
     }
 }
 
 /// One reason behind a verdict.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Reason {
+pub struct VerdictReason {
     /// What it says of the fit.
-    pub level: Level,
+    pub level: QualityLevel,
     /// The reason as a sentence.
     pub text: String,
 }
 
 /// "Is this good?"
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Verdict {
+pub struct ReportVerdict {
     /// The level of the worst reason.
-    pub level: Level,
+    pub level: QualityLevel,
     /// The verdict as a sentence, with the reasons that decide it.
     pub sentence: String,
     /// Whether the fit missed its mark by what was measured. A truth that a synthetic capture holds is left out: it
     /// says how good the method is, which no measured capture can.
     pub missed: bool,
     /// Every reason, the worst first.
-    pub reasons: Vec<Reason>,
+    pub reasons: Vec<VerdictReason>,
 }
 
 /// A whole report.
@@ -65,11 +65,11 @@ pub struct Report {
     /// Heading.
     pub title: String,
     /// The overall verdict: the worst of what the report contains.
-    pub verdict: Verdict,
+    pub verdict: ReportVerdict,
     /// The fits, in the order in which they were named.
     pub fits: Vec<FitReport>,
     /// Every further fit compared with the first, where fits are compared.
-    pub comparisons: Vec<Comparison>,
+    pub comparisons: Vec<FitComparison>,
     /// What scenes need, and what they leave out.
     pub plans: Vec<PlanReport>,
     /// The results of checks of scenes.
@@ -85,7 +85,7 @@ pub struct FitReport {
     pub program: String,
     pub input_hash: String,
     pub termination: Option<String>,
-    pub verdict: Verdict,
+    pub verdict: ReportVerdict,
     pub options: BTreeMap<String, String>,
     pub parameters: Vec<ParameterRow>,
     pub sections: Vec<SectionReport>,
@@ -123,7 +123,7 @@ pub struct SectionReport {
     pub name: String,
     pub counts: BTreeMap<String, usize>,
     pub terminations: BTreeMap<String, usize>,
-    pub residuals: BTreeMap<String, Residuals>,
+    pub residuals: BTreeMap<String, ResidualStatistics>,
     pub truth: BTreeMap<String, TruthError>,
     pub figures: BTreeMap<String, f64>,
     pub correlation_names: Vec<String>,
@@ -140,7 +140,7 @@ pub struct MapRow {
     pub channel: String,
     pub unit: String,
     /// Statistics over the good texels.
-    pub summary: Summary,
+    pub summary: MapSummary,
     /// Good texels without a value.
     pub undetermined: usize,
     pub stderr_median: Option<f64>,
@@ -162,7 +162,7 @@ pub struct MapTruth {
 /// `times.toml`.
 #[derive(Debug, Clone, Serialize)]
 pub struct TimesReport {
-    pub phases: Vec<Phase>,
+    pub phases: Vec<FitPhase>,
     pub total_s: f64,
     pub threads: usize,
     pub peak_memory_mib: Option<f64>,
@@ -171,7 +171,7 @@ pub struct TimesReport {
 
 /// Two fits side by side: the second against the first.
 #[derive(Debug, Clone, Serialize)]
-pub struct Comparison {
+pub struct FitComparison {
     pub first: String,
     pub second: String,
     pub sentence: String,
@@ -255,34 +255,34 @@ pub struct ViewReport {
     /// Every number of the view, by the name `check.json` gives it.
     pub figures: BTreeMap<String, f64>,
     #[serde(skip)]
-    pub image: Option<Picture>,
+    pub image: Option<ReportPicture>,
     #[serde(skip)]
-    pub reference: Option<Picture>,
+    pub reference: Option<ReportPicture>,
     #[serde(skip)]
-    pub difference: Option<Picture>,
+    pub difference: Option<ReportPicture>,
     #[serde(skip)]
-    pub flip: Option<Picture>,
+    pub flip: Option<ReportPicture>,
     /// The reference's picture of the true leaf, where the scan is synthetic.
     #[serde(skip)]
-    pub true_leaf: Option<Picture>,
+    pub true_leaf: Option<ReportPicture>,
 }
 
 /// A picture inside the page.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Picture {
+pub struct ReportPicture {
     pub uri: String,
     pub width: usize,
     pub height: usize,
     pub alt: String,
     /// The map or the larger picture that it shows.
-    pub texels: Texels,
+    pub texels: PictureTexels,
     /// The map's values, where it is one in false colour.
-    pub values: Option<Values>,
+    pub values: Option<MapValues>,
 }
 
 /// Columns and rows of a map, and how many of them are one pixel of its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Texels {
+pub struct PictureTexels {
     pub columns: usize,
     pub rows: usize,
     pub step: usize,
@@ -293,18 +293,18 @@ pub struct Texels {
 pub struct SidePictures {
     pub section: String,
     /// ρd and ρt as they would look.
-    pub looks: Vec<Captioned>,
-    pub fate: Option<Captioned>,
+    pub looks: Vec<CaptionedPicture>,
+    pub fate: Option<CaptionedPicture>,
     pub legend: Vec<LegendItem>,
-    pub residual: Option<Captioned>,
+    pub residual: Option<CaptionedPicture>,
     pub residual_histogram: Option<String>,
     pub maps: Vec<MapPictures>,
 }
 
 /// A picture (or chart) and its caption; `bar` is SVG.
 #[derive(Debug, Clone, Serialize)]
-pub struct Captioned {
-    pub picture: Picture,
+pub struct CaptionedPicture {
+    pub picture: ReportPicture,
     pub caption: String,
     pub bar: String,
 }
@@ -330,7 +330,7 @@ pub struct MapPictures {
 #[derive(Debug, Clone, Serialize)]
 pub struct ChannelPictures {
     pub channel: String,
-    pub pictures: Vec<Captioned>,
+    pub pictures: Vec<CaptionedPicture>,
     /// SVG, with captions.
     pub charts: Vec<ChartTile>,
 }

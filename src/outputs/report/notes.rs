@@ -1,12 +1,12 @@
 //! What a reader must know about a leaf's maps before taking them for the parameters: which description of the leaf
 //! they are, and what their intervals do not include.
 
-use crate::maps::SideMaps;
+use crate::maps::ReportSideMaps;
 use crate::number::percent;
-use mesophyll_fits::record::{FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, Section};
+use mesophyll_fits::record::{FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, RecordSection};
 
 /// Adds the notes to the maps of a leaf scan's side; maps of other fits need none.
-pub fn add(side: &mut SideMaps, record: &FitRecord, section: &Section) {
+pub fn add(side: &mut ReportSideMaps, record: &FitRecord, section: &RecordSection) {
     // A dome fit inverts every texel by itself, so it has only one description.
     if record.kind != FitKind::Leaf || record.options.get("capture_kind").is_some_and(|k| k == "dome") {
         return;

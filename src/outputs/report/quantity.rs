@@ -4,7 +4,7 @@ use mesophyll_files::quantity::split;
 
 /// A known quantity.
 #[derive(Debug, Clone, Copy)]
-pub struct Quantity {
+pub struct MapQuantity {
     /// The name in channels and parameters.
     pub name: &'static str,
     /// Symbol and name in words.
@@ -15,22 +15,22 @@ pub struct Quantity {
 }
 
 /// In the order of the report.
-pub(crate) const QUANTITIES: [Quantity; 9] = [
-    Quantity { name: "rho_d", title: "ρd, diffuse reflectance", unit: "", signed: false },
-    Quantity { name: "rho_t", title: "ρt, transmittance", unit: "", signed: false },
-    Quantity { name: "rho_s", title: "ρs, specular reflectance", unit: "", signed: false },
-    Quantity { name: "m", title: "m, roughness (RMS slope)", unit: "", signed: false },
-    Quantity { name: "normal", title: "Normal", unit: "", signed: true },
-    Quantity { name: "thickness", title: "h + δ, thickness", unit: "mm", signed: false },
-    Quantity { name: "gamma", title: "γ, reflectance over that of the mean slab", unit: "", signed: false },
-    Quantity { name: "sigma_a", title: "σa, absorption", unit: "1/mm", signed: false },
-    Quantity { name: "sigma_s", title: "σs, scattering", unit: "1/mm", signed: false },
+pub(crate) const QUANTITIES: [MapQuantity; 9] = [
+    MapQuantity { name: "rho_d", title: "ρd, diffuse reflectance", unit: "", signed: false },
+    MapQuantity { name: "rho_t", title: "ρt, transmittance", unit: "", signed: false },
+    MapQuantity { name: "rho_s", title: "ρs, specular reflectance", unit: "", signed: false },
+    MapQuantity { name: "m", title: "m, roughness (RMS slope)", unit: "", signed: false },
+    MapQuantity { name: "normal", title: "Normal", unit: "", signed: true },
+    MapQuantity { name: "thickness", title: "h + δ, thickness", unit: "mm", signed: false },
+    MapQuantity { name: "gamma", title: "γ, reflectance over that of the mean slab", unit: "", signed: false },
+    MapQuantity { name: "sigma_a", title: "σa, absorption", unit: "1/mm", signed: false },
+    MapQuantity { name: "sigma_s", title: "σs, scattering", unit: "1/mm", signed: false },
 ];
 
 /// Channels that are shown elsewhere, or (z of a unit normal) not at all.
 pub(crate) const SET_APART: [&str; 3] = ["mask.Y", "reduced_chi2.Y", "normal.Z"];
 
-pub fn known(name: &str) -> Option<&'static Quantity> {
+pub fn known(name: &str) -> Option<&'static MapQuantity> {
     QUANTITIES.iter().find(|q| q.name == name)
 }
 

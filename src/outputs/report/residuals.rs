@@ -1,11 +1,11 @@
 //! What residuals say about a fit: its reduced χ² compared with the spread that χ² itself has, and the two sides of a
 //! leaf compared.
 
-use crate::model::{Level, SectionReport};
+use crate::model::{QualityLevel, SectionReport};
 use crate::number::{percent, significant};
 use crate::quantity::symbol;
 use mesophyll_fits::leaf::sides;
-use mesophyll_fits::record::{FitKind, FitRecord, MIRROR, NOISE_SEEN, Residuals};
+use mesophyll_fits::record::{FitKind, FitRecord, MIRROR, NOISE_SEEN, ResidualStatistics};
 
 /// Chance does not move χ² by this many of its standard deviations.
 const SPREADS: f64 = 5.0;
@@ -22,10 +22,10 @@ const SIDES: f64 = 4.0;
 
 /// Level and sentence for the residuals of `what`, compared with their own spread: with many readings even 1.03 is a
 /// finding.
-pub fn judge(what: &str, r: &Residuals, record: &FitRecord, s: &SectionReport) -> (Level, String) {
+pub fn judge(what: &str, r: &ResidualStatistics, record: &FitRecord, s: &SectionReport) -> (QualityLevel, String) {
     let chi2 = r.reduced_chi2;
     if !chi2.is_finite() {
-        return (Level::Bad, format!("the residuals of {what} have no reduced χ²"));
+        return (QualityLevel::Bad, format!("the residuals of {what} have no reduced χ²"));
     }
     let freedom = if chi2 > 0.0 { (r.chi2 / chi2).max(1.0) } else { 1.0 };
     let estimated = record.options.get("noise_relative").is_some_and(|n| n.contains("estimated"));
@@ -35,17 +35,17 @@ pub fn judge(what: &str, r: &Residuals, record: &FitRecord, s: &SectionReport) -
     let fact = format!("reduced χ² of {what} is {}", significant(chi2, 4));
     let against = format!("chance allows 1 ± {}", significant(spread, 2));
     if (chi2 - 1.0).abs() <= allowed {
-        (Level::Good, format!("{fact}: the model explains the measurements within their {noise}"))
+        (QualityLevel::Good, format!("{fact}: the model explains the measurements within their {noise}"))
     } else if chi2 < 1.0 {
-        (Level::Doubtful, format!("{fact} ({against}): the measurements scatter less than their {noise}"))
+        (QualityLevel::Doubtful, format!("{fact} ({against}): the measurements scatter less than their {noise}"))
     } else if chi2 > BAD {
         (
-            Level::Bad,
+            QualityLevel::Bad,
             format!("{fact}: the model does not describe these measurements{}", suspects(what, chi2, record, s)),
         )
     } else {
         (
-            Level::Doubtful,
+            QualityLevel::Doubtful,
             format!("{fact} ({against}): the model leaves more than the {noise}{}", suspects(what, chi2, record, s)),
         )
     }
@@ -84,14 +84,14 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
 }
 
 /// Compares front with back, which both show one interior.
-pub fn sides(record: &FitRecord, say: &mut impl FnMut(Level, String)) {
+pub fn sides(record: &FitRecord, say: &mut impl FnMut(QualityLevel, String)) {
     let Some(section) = record.sections.get(sides::SECTION) else {
         if record.kind == FitKind::Leaf
             && record.sections.contains_key("front")
             && !record.sections.contains_key("back")
         {
             say(
-                Level::Good,
+                QualityLevel::Good,
                 "only one side was measured, so nothing checks that its mean albedo is the interior's (mean γ = 1)"
                     .into(),
             );
@@ -110,12 +110,12 @@ pub fn sides(record: &FitRecord, say: &mut impl FnMut(Level, String)) {
     let place = format!("{}.{channel}", symbol(quantity));
     if errors <= SIDES {
         say(
-            Level::Good,
+            QualityLevel::Good,
             format!("front and back agree on the interior (at most {} errors apart, {place})", significant(errors, 2)),
         );
     } else {
         say(
-            Level::Doubtful,
+            QualityLevel::Doubtful,
             format!(
                 "front and back disagree on the interior they share: {place} differs by {}, {} errors of the noise. \
                  Each side's σ takes its own mean albedo for the \

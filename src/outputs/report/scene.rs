@@ -2,9 +2,9 @@
 
 use crate::captures;
 use crate::colour::data_uri;
-use crate::model::{CheckReport, Picture, PlanItem, PlanReport, Texels, ViewReport};
-use crate::repack::repacked;
-use crate::size::Detail;
+use crate::model::{CheckReport, PictureTexels, PlanItem, PlanReport, ReportPicture, ViewReport};
+use crate::packing::repacked;
+use crate::size::ReportDetail;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use serde_json::Value;
@@ -15,7 +15,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Input`] when the file exists and is not JSON.
-pub(crate) fn read_check(folder: &Path, pictures: Option<Detail>) -> Result<Option<CheckReport>> {
+pub(crate) fn read_check(folder: &Path, pictures: Option<ReportDetail>) -> Result<Option<CheckReport>> {
     let Some(json) = read_json(&folder.join("check.json"))? else { return Ok(None) };
     let mut missing = Vec::new();
     let views = json.get("views").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
@@ -32,7 +32,13 @@ pub(crate) fn read_check(folder: &Path, pictures: Option<Detail>) -> Result<Opti
     }))
 }
 
-fn view(folder: &Path, index: usize, json: &Value, pictures: Option<Detail>, missing: &mut Vec<String>) -> ViewReport {
+fn view(
+    folder: &Path,
+    index: usize,
+    json: &Value,
+    pictures: Option<ReportDetail>,
+    missing: &mut Vec<String>,
+) -> ViewReport {
     let name = json.get("name").map_or_else(|| format!("view {}", index + 1), text);
     let figures: BTreeMap<String, f64> = json
         .as_object()
@@ -78,7 +84,7 @@ pub(super) fn picture(
     endings: &[&str],
     alt: &str,
     step: usize,
-) -> Option<Picture> {
+) -> Option<ReportPicture> {
     let inside = |name: &str| {
         let path = Path::new(name);
         path.components().all(|c| matches!(c, std::path::Component::Normal(_))).then(|| folder.join(path))
@@ -89,10 +95,10 @@ pub(super) fn picture(
         let decoder = png::Decoder::new(std::io::Cursor::new(&bytes));
         let reader = decoder.read_info().ok()?;
         let (width, height) = (reader.info().width as usize, reader.info().height as usize);
-        let texels = Texels { columns: width, rows: height, step };
+        let texels = PictureTexels { columns: width, rows: height, step };
         let uri = data_uri("image/png", &repacked(&bytes, step)?);
         let [width, height] = [width, height].map(|side| side.div_ceil(step));
-        Some(Picture { uri, width, height, alt: alt.into(), texels, values: None })
+        Some(ReportPicture { uri, width, height, alt: alt.into(), texels, values: None })
     })
 }
 

@@ -9,7 +9,7 @@ pub const LIMIT: usize = 5_000_000;
 
 /// How finely maps and pictures are shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Detail {
+pub struct ReportDetail {
     /// Of the maps of the fit, every so-manyth texel of every so-manyth row is kept.
     pub fit: usize,
     /// The same for truths and differences.
@@ -27,18 +27,18 @@ pub struct Detail {
 }
 
 /// From fine to coarse.
-pub const DETAILS: [Detail; 11] = [
-    Detail { fit: 1, others: 1, colours: 1, digits: 4, thumb: 120, shots: 1, aside: 1 },
-    Detail { fit: 1, others: 1, colours: 1, digits: 3, thumb: 80, shots: 1, aside: 1 },
-    Detail { fit: 1, others: 1, colours: 2, digits: 3, thumb: 48, shots: 1, aside: 2 },
-    Detail { fit: 1, others: 2, colours: 2, digits: 3, thumb: 48, shots: 1, aside: 2 },
-    Detail { fit: 1, others: 2, colours: 4, digits: 3, thumb: 40, shots: 1, aside: 2 },
-    Detail { fit: 1, others: 3, colours: 4, digits: 3, thumb: 40, shots: 1, aside: 3 },
-    Detail { fit: 2, others: 3, colours: 4, digits: 3, thumb: 40, shots: 1, aside: 3 },
-    Detail { fit: 2, others: 4, colours: 6, digits: 3, thumb: 40, shots: 2, aside: 3 },
-    Detail { fit: 3, others: 6, colours: 8, digits: 3, thumb: 32, shots: 2, aside: 4 },
-    Detail { fit: 5, others: 10, colours: 12, digits: 3, thumb: 24, shots: 4, aside: 8 },
-    Detail { fit: 10, others: 20, colours: 24, digits: 3, thumb: 16, shots: 8, aside: 16 },
+pub const DETAILS: [ReportDetail; 11] = [
+    ReportDetail { fit: 1, others: 1, colours: 1, digits: 4, thumb: 120, shots: 1, aside: 1 },
+    ReportDetail { fit: 1, others: 1, colours: 1, digits: 3, thumb: 80, shots: 1, aside: 1 },
+    ReportDetail { fit: 1, others: 1, colours: 2, digits: 3, thumb: 48, shots: 1, aside: 2 },
+    ReportDetail { fit: 1, others: 2, colours: 2, digits: 3, thumb: 48, shots: 1, aside: 2 },
+    ReportDetail { fit: 1, others: 2, colours: 4, digits: 3, thumb: 40, shots: 1, aside: 2 },
+    ReportDetail { fit: 1, others: 3, colours: 4, digits: 3, thumb: 40, shots: 1, aside: 3 },
+    ReportDetail { fit: 2, others: 3, colours: 4, digits: 3, thumb: 40, shots: 1, aside: 3 },
+    ReportDetail { fit: 2, others: 4, colours: 6, digits: 3, thumb: 40, shots: 2, aside: 3 },
+    ReportDetail { fit: 3, others: 6, colours: 8, digits: 3, thumb: 32, shots: 2, aside: 4 },
+    ReportDetail { fit: 5, others: 10, colours: 12, digits: 3, thumb: 24, shots: 4, aside: 8 },
+    ReportDetail { fit: 10, others: 20, colours: 24, digits: 3, thumb: 16, shots: 8, aside: 16 },
 ];
 
 /// The detail to try after a page of `bytes` at `level`; `None` where it is small enough, or where nothing is coarser.
@@ -54,7 +54,7 @@ pub fn next(level: usize, bytes: usize) -> Option<usize> {
     (next > level).then_some(next)
 }
 
-impl Detail {
+impl ReportDetail {
     /// What the page leaves out, in words.
     pub fn words(&self) -> String {
         let digits = self.digits;
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn details_become_coarser_until_the_page_fits() {
         for pair in DETAILS.windows(2) {
-            let of = |d: &Detail| [d.fit, d.others, d.colours, d.shots, d.aside];
+            let of = |d: &ReportDetail| [d.fit, d.others, d.colours, d.shots, d.aside];
             assert!(of(&pair[0]).iter().zip(of(&pair[1])).all(|(a, b)| *a <= b), "{pair:?}");
             assert!(pair[0].digits >= pair[1].digits && pair[0].thumb >= pair[1].thumb && pair[0] != pair[1]);
             assert!(pair[1].fit <= pair[1].others && pair[1].others <= pair[1].colours, "{pair:?}");

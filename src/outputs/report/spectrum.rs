@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// One quantity over another.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Line {
+pub struct SpectrumLine {
     /// Name of the quantity.
     pub name: String,
     /// Wavelength (nm) or the other quantity of the panel, value, and standard error (NaN where none is known). The
@@ -23,7 +23,7 @@ pub struct Line {
 
 /// Quantities over one axis.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Panel {
+pub struct SpectrumPanel {
     /// Title of the panel.
     pub title: String,
     /// The horizontal axis with its unit, mostly [`WAVELENGTH`].
@@ -33,7 +33,7 @@ pub struct Panel {
     /// Whether the axis is logarithmic; values of 0 and less are then left out.
     pub logarithmic: bool,
     /// What is drawn.
-    pub lines: Vec<Line>,
+    pub lines: Vec<SpectrumLine>,
 }
 
 /// The axis of spectra.
@@ -46,7 +46,7 @@ const SIZE: (u32, u32) = (980, 380);
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
-pub fn pictures(folder: &Path, leaves: &[(String, Vec<Panel>)]) -> Result<Vec<PathBuf>> {
+pub fn pictures(folder: &Path, leaves: &[(String, Vec<SpectrumPanel>)]) -> Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
     let mut taken = HashSet::new();
     let mut files = Vec::new();
@@ -68,7 +68,7 @@ pub fn pictures(folder: &Path, leaves: &[(String, Vec<Panel>)]) -> Result<Vec<Pa
     Ok(files)
 }
 
-fn picture(panels: &[Panel]) -> std::result::Result<String, String> {
+fn picture(panels: &[SpectrumPanel]) -> std::result::Result<String, String> {
     let mut svg = String::new();
     {
         let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
@@ -85,7 +85,7 @@ fn text(e: impl std::fmt::Display) -> String {
     format!("cannot draw: {e}")
 }
 
-fn draw(area: &DrawingArea<SVGBackend, Shift>, panel: &Panel) -> std::result::Result<(), String> {
+fn draw(area: &DrawingArea<SVGBackend, Shift>, panel: &SpectrumPanel) -> std::result::Result<(), String> {
     let shown = |p: &&[f64; 3]| p[1].is_finite() && (!panel.logarithmic || p[1] > 0.0);
     let points = || panel.lines.iter().flat_map(|l| l.points.iter().filter(shown));
     let fold = |k: usize, from: f64, f: fn(f64, f64) -> f64| points().map(|p| p[k]).fold(from, f);
@@ -105,7 +105,7 @@ fn draw(area: &DrawingArea<SVGBackend, Shift>, panel: &Panel) -> std::result::Re
 
 fn on<Y>(
     area: &DrawingArea<SVGBackend, Shift>,
-    panel: &Panel,
+    panel: &SpectrumPanel,
     across: std::ops::Range<f64>,
     up: Y,
     shown: impl Fn(&[f64; 3]) -> bool,
@@ -180,9 +180,12 @@ mod tests {
     #[test]
     fn a_picture_a_leaf_even_where_names_are_alike() {
         let dir = tempfile::tempdir().unwrap();
-        let line =
-            |dots| Line { name: "sigma_a".into(), points: vec![[450.0, 3.0, 0.1], [550.0, 0.0, f64::NAN]], dots };
-        let panel = |logarithmic| Panel {
+        let line = |dots| SpectrumLine {
+            name: "sigma_a".into(),
+            points: vec![[450.0, 3.0, 0.1], [550.0, 0.0, f64::NAN]],
+            dots,
+        };
+        let panel = |logarithmic| SpectrumPanel {
             title: "elm".into(),
             across: WAVELENGTH.into(),
             axis: "1/mm".into(),
@@ -196,10 +199,10 @@ mod tests {
         assert_eq!(names, ["a_b.svg", "a_b-2.svg", "leaf.svg", "empty.svg"]);
         // A legend covers a curve, so there is one only where two must be told apart.
         assert!(!std::fs::read_to_string(&files[0]).unwrap().contains("sigma_a"));
-        let two = Panel { lines: vec![line(true), line(false)], ..panel(true) };
+        let two = SpectrumPanel { lines: vec![line(true), line(false)], ..panel(true) };
         let files = pictures(dir.path(), &[("two".to_string(), vec![two])]).unwrap();
         assert_eq!(std::fs::read_to_string(&files[0]).unwrap().matches("sigma_a").count(), 2);
-        let nothing = [("none".to_string(), vec![Panel { lines: vec![], ..panel(true) }])];
+        let nothing = [("none".to_string(), vec![SpectrumPanel { lines: vec![], ..panel(true) }])];
         assert_eq!(pictures(dir.path(), &nothing).unwrap().len(), 1);
     }
 }

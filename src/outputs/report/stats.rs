@@ -20,7 +20,7 @@ pub fn sorted(values: impl Iterator<Item = f32>) -> Vec<f32> {
 
 /// Five numbers of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Summary {
+pub struct MapSummary {
     pub samples: usize,
     pub p01: f64,
     pub median: f64,
@@ -29,11 +29,11 @@ pub struct Summary {
     pub max: f64,
 }
 
-impl Summary {
+impl MapSummary {
     /// The summary of sorted values; `None` when nothing is finite.
-    pub fn of(sorted: &[f32]) -> Option<Summary> {
+    pub fn of(sorted: &[f32]) -> Option<MapSummary> {
         let (first, last) = (sorted.first()?, sorted.last()?);
-        Some(Summary {
+        Some(MapSummary {
             samples: sorted.len(),
             p01: quantile(sorted, 0.01),
             median: quantile(sorted, 0.5),
@@ -46,7 +46,7 @@ impl Summary {
 
 /// Counts in equal bins over [min, max].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Histogram {
+pub struct MapHistogram {
     pub min: f64,
     pub max: f64,
     pub counts: Vec<usize>,
@@ -54,8 +54,8 @@ pub struct Histogram {
     pub outside: usize,
 }
 
-impl Histogram {
-    pub fn of(values: impl Iterator<Item = f32>, min: f64, max: f64, bins: usize) -> Histogram {
+impl MapHistogram {
+    pub fn of(values: impl Iterator<Item = f32>, min: f64, max: f64, bins: usize) -> MapHistogram {
         let mut counts = vec![0; bins.max(1)];
         let scale = counts.len() as f64 / (max - min);
         let last = counts.len() - 1;
@@ -68,7 +68,7 @@ impl Histogram {
                 counts[(at as usize).min(last)] += 1;
             }
         }
-        Histogram { min, max, counts, outside }
+        MapHistogram { min, max, counts, outside }
     }
 
     pub fn total(&self) -> usize {
@@ -98,15 +98,15 @@ mod tests {
     #[test]
     fn quantiles_of_a_ramp_are_the_ramp() {
         let ramp = sorted((0..=100).rev().map(|k| k as f32).chain([f32::NAN, f32::INFINITY]));
-        let s = Summary::of(&ramp).unwrap();
+        let s = MapSummary::of(&ramp).unwrap();
         assert_eq!((s.samples, s.p01, s.median, s.p99, s.max), (101, 1.0, 50.0, 99.0, 100.0));
         assert!((quantile(&ramp, 0.255) - 25.5).abs() < 1e-12);
-        assert!(Summary::of(&[]).is_none());
+        assert!(MapSummary::of(&[]).is_none());
     }
 
     #[test]
     fn a_density_integrates_to_the_share_inside() {
-        let h = Histogram::of([-5.0, 0.1, 0.2, 0.9, 2.0, f32::NAN].into_iter(), 0.0, 2.0, 4);
+        let h = MapHistogram::of([-5.0, 0.1, 0.2, 0.9, 2.0, f32::NAN].into_iter(), 0.0, 2.0, 4);
         assert_eq!((h.counts.as_slice(), h.outside), ([2, 1, 0, 1].as_slice(), 1));
         // four of the five finite values lie inside
         assert!((h.density().iter().sum::<f64>() * 0.5 - 0.8).abs() < 1e-12);

@@ -1,14 +1,14 @@
 //! A translucency fit in pictures and words: the transmitted light under three lights, the coefficients, the thickness,
 //! the light that enters, and how the fit was made.
 
-use crate::chart::{self, Titles};
+use crate::chart::{self, AxisTitles};
 use crate::colour;
-use crate::maps::{BINS, SideMaps, colour_bar_of};
-use crate::model::{Captioned, ChannelPictures, ChartTile, MapPictures, SidePictures};
+use crate::maps::{BINS, ReportSideMaps, colour_bar_of};
+use crate::model::{CaptionedPicture, ChannelPictures, ChartTile, MapPictures, SidePictures};
 use crate::number::{plain, significant};
 use crate::quantity::channel_word;
-use crate::stats::{Histogram, quantile, sorted, widen};
-use mesophyll_optics::translucency::basis::{Basis, FLAT, HALF_LIFE_2};
+use crate::stats::{MapHistogram, quantile, sorted, widen};
+use mesophyll_optics::translucency::basis::{FLAT, HALF_LIFE_2, HemisphereBasis};
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -29,7 +29,7 @@ struct Stack<'a> {
 }
 
 /// `translucency.1` …, `.R1` …, `.Y` or `.R` …, in order.
-fn stacks(side: &SideMaps) -> Vec<Stack<'_>> {
+fn stacks(side: &ReportSideMaps) -> Vec<Stack<'_>> {
     let get = |name: String| side.fit.get(&name);
     let mut out = Vec::new();
     for letter in ["", "R", "G", "B"] {
@@ -45,10 +45,10 @@ fn stacks(side: &SideMaps) -> Vec<Stack<'_>> {
 }
 
 /// Everything that is drawn of a side.
-pub fn pictures(side: &SideMaps, options: &Options) -> SidePictures {
+pub fn pictures(side: &ReportSideMaps, options: &Options) -> SidePictures {
     let stacks = stacks(side);
     let count = stacks.first().map_or(0, |s| s.planes.len());
-    let basis = options.get("basis").and_then(|name| Basis::named(name)).filter(|b| b.count() == count);
+    let basis = options.get("basis").and_then(|name| HemisphereBasis::named(name)).filter(|b| b.count() == count);
     let mut maps: Vec<MapPictures> = coefficients(side, &stacks, basis, options).into_iter().collect();
     maps.extend(single(side, "thickness", "Thickness", "mm", "as the kernels take it"));
     let sky = "An even sky's light that enters, over what enters a flat open texel: relief and its own shadows";
@@ -58,7 +58,7 @@ pub fn pictures(side: &SideMaps, options: &Options) -> SidePictures {
 }
 
 /// Values of the good texels; the others are not drawn.
-fn good(side: &SideMaps, plane: &[f32], k: usize) -> f32 {
+fn good(side: &ReportSideMaps, plane: &[f32], k: usize) -> f32 {
     if side.good[k] { plane[k] } else { f32::NAN }
 }
 
@@ -66,7 +66,7 @@ fn good(side: &SideMaps, plane: &[f32], k: usize) -> f32 {
 const LEAST: f64 = 0.01;
 
 /// The range from the 1 % to the 99 % quantile of all planes.
-fn range(side: &SideMaps, planes: &[&[f32]]) -> (f64, f64) {
+fn range(side: &ReportSideMaps, planes: &[&[f32]]) -> (f64, f64) {
     let ends = planes.iter().map(|p| sorted(side.good_values(p))).filter(|v| !v.is_empty());
     let (low, high) = ends
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(quantile(&v, 0.01)), b.max(quantile(&v, 0.99))));
@@ -75,36 +75,36 @@ fn range(side: &SideMaps, planes: &[&[f32]]) -> (f64, f64) {
 }
 
 fn tile(
-    side: &SideMaps,
+    side: &ReportSideMaps,
     plane: &[f32],
     range: (f64, f64),
     signed: bool,
     unit: &str,
     caption: String,
-) -> Option<Captioned> {
+) -> Option<CaptionedPicture> {
     let alt = format!("{}: {caption}", side.section);
     let picture = colour::false_colour(side.map(side.detail.fit), signed, range, unit, |k| good(side, plane, k), alt)?;
-    Some(Captioned { picture, caption, bar: colour_bar_of(signed, range, unit) })
+    Some(CaptionedPicture { picture, caption, bar: colour_bar_of(signed, range, unit) })
 }
 
 /// Three planes as a colour picture, brightened by `gain`.
-fn photograph(side: &SideMaps, rgb: [&[f32]; 3], gain: f64, mut caption: String) -> Option<Captioned> {
+fn photograph(side: &ReportSideMaps, rgb: [&[f32]; 3], gain: f64, mut caption: String) -> Option<CaptionedPicture> {
     if (gain - 1.0).abs() > 0.005 {
         caption.push_str(&format!(", brightened {} times", significant(gain, 2)));
     }
     let alt = format!("{}: {caption}", side.section);
     let picture = colour::photograph(side.frame(side.detail.aside), rgb, gain as f32, |k| side.good[k], alt)?;
-    Some(Captioned { picture, caption, bar: String::new() })
+    Some(CaptionedPicture { picture, caption, bar: String::new() })
 }
 
 /// The factor that brings the 99th percentile of the brightest plane to 0.8.
-fn gain(side: &SideMaps, planes: &[&[f32]]) -> f64 {
+fn gain(side: &ReportSideMaps, planes: &[&[f32]]) -> f64 {
     let (_, high) = range(side, planes);
     if high > 0.0 { 0.8 / high } else { 1.0 }
 }
 
 /// The transmitted light under [`LIGHTS`], on one scale: f, or M as a colour with three wavelengths.
-fn looks(side: &SideMaps, stacks: &[Stack], basis: Basis) -> Vec<Captioned> {
+fn looks(side: &ReportSideMaps, stacks: &[Stack], basis: HemisphereBasis) -> Vec<CaptionedPicture> {
     let lit = |stack: &Stack, elevation: f64| -> Vec<f32> {
         let weights: Vec<f64> =
             (0..basis.count()).map(|i| basis.value(i, [elevation.cos(), 0.0, elevation.sin()])).collect();
@@ -126,7 +126,12 @@ fn looks(side: &SideMaps, stacks: &[Stack], basis: Basis) -> Vec<Captioned> {
 }
 
 /// All coefficients in one place, so that they can be compared by eye.
-fn coefficients(side: &SideMaps, stacks: &[Stack], basis: Option<Basis>, options: &Options) -> Option<MapPictures> {
+fn coefficients(
+    side: &ReportSideMaps,
+    stacks: &[Stack],
+    basis: Option<HemisphereBasis>,
+    options: &Options,
+) -> Option<MapPictures> {
     let first = stacks.first()?;
     let what = if stacks.len() == 3 { "M (light that comes through over light that falls on the blade)" } else { "f" };
     let say = |name: &str| options.get(name).map_or("", String::as_str);
@@ -177,7 +182,7 @@ fn sun(options: &Options) -> String {
     format!("light {}° over the blade, azimuth {}°", angle("sun_elevation_deg"), angle("sun_azimuth_deg"))
 }
 
-fn function(basis: Option<Basis>, i: usize) -> String {
+fn function(basis: Option<HemisphereBasis>, i: usize) -> String {
     match basis {
         Some(basis) if basis.drawn().is_some() => {
             let [x, y, z] = HALF_LIFE_2[i];
@@ -191,7 +196,7 @@ fn function(basis: Option<Basis>, i: usize) -> String {
 
 /// One wavelength's images. The three functions of a half-life basis are alike and share a scale; other functions have
 /// their own.
-fn stack(side: &SideMaps, stack: &Stack, basis: Option<Basis>) -> ChannelPictures {
+fn stack(side: &ReportSideMaps, stack: &Stack, basis: Option<HemisphereBasis>) -> ChannelPictures {
     let alike = basis.is_some_and(|b| b.drawn().is_some());
     let common = range(side, &stack.planes);
     let pictures = stack.planes.iter().enumerate().filter_map(|(i, plane)| {
@@ -202,15 +207,15 @@ fn stack(side: &SideMaps, stack: &Stack, basis: Option<Basis>) -> ChannelPicture
         tile(side, plane, if signed { (-most, most) } else { (low, high) }, signed, "", function(basis, i))
     });
     let pictures = pictures.collect();
-    let histograms: Vec<Histogram> =
-        stack.planes.iter().map(|p| Histogram::of(side.good_values(p), common.0, common.1, BINS)).collect();
+    let histograms: Vec<MapHistogram> =
+        stack.planes.iter().map(|p| MapHistogram::of(side.good_values(p), common.0, common.1, BINS)).collect();
     let names: Vec<String> =
         (1..=histograms.len()).map(|i| if histograms.len() > 1 { i.to_string() } else { String::new() }).collect();
     // The page has six colours.
     let charts = if (alike || histograms.len() == 1) && common.0 < common.1 {
-        let parts: Vec<(&str, &Histogram)> = names.iter().map(String::as_str).zip(&histograms).collect();
+        let parts: Vec<(&str, &MapHistogram)> = names.iter().map(String::as_str).zip(&histograms).collect();
         let about = format!("Histogram of the {}'s coefficients {}", side.section, channel_word(stack.letter));
-        let titles = Titles { x: "value", y: "share of texels", about: about.trim_end() };
+        let titles = AxisTitles { x: "value", y: "share of texels", about: about.trim_end() };
         vec![ChartTile {
             svg: chart::histogram(&parts, titles, &[], false),
             caption: "Values over the texels that light comes through.".into(),
@@ -222,15 +227,15 @@ fn stack(side: &SideMaps, stack: &Stack, basis: Option<Basis>) -> ChannelPicture
 }
 
 /// One map with its values.
-fn single(side: &SideMaps, name: &str, title: &str, unit: &str, caption: &str) -> Option<MapPictures> {
+fn single(side: &ReportSideMaps, name: &str, title: &str, unit: &str, caption: &str) -> Option<MapPictures> {
     let plane = side.fit.get(&format!("{name}.Y"))?;
     let (low, high) = range(side, &[plane]);
     let picture = tile(side, plane, (low, high), false, unit, caption.into())?;
-    let histogram = Histogram::of(side.good_values(plane), low, high, BINS);
+    let histogram = MapHistogram::of(side.good_values(plane), low, high, BINS);
     let axis = if unit.is_empty() { "value".to_string() } else { format!("{name} ({unit})") };
     let about = format!("Histogram of the {}'s {name}", side.section);
     let svg =
-        chart::histogram(&[("", &histogram)], Titles { x: &axis, y: "share of texels", about: &about }, &[], false);
+        chart::histogram(&[("", &histogram)], AxisTitles { x: &axis, y: "share of texels", about: &about }, &[], false);
     let values = sorted(side.good_values(plane));
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let caption = format!("Values over the good texels: median {}{unit}.", plain(quantile(&values, 0.5)));

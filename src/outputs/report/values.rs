@@ -16,7 +16,7 @@ const NONE: i64 = -(1 << 23);
 
 /// The values of a map.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Values {
+pub struct MapValues {
     /// Unit of the values; empty for a plain number.
     pub unit: String,
     /// Columns and rows that are kept.
@@ -42,7 +42,7 @@ pub fn pack(
     (stride, digits): (usize, u32),
     unit: &str,
     value: impl Fn(usize) -> f32,
-) -> Option<Values> {
+) -> Option<MapValues> {
     let stride = stride.max(1);
     let (columns, rows) = (width.div_ceil(stride), height.div_ceil(stride));
     let kept = (0..columns * rows).map(|k| value(k / columns * stride * width + k % columns * stride));
@@ -69,7 +69,17 @@ pub fn pack(
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(&bytes).ok()?;
     let packed = base64(&encoder.finish().ok()?);
-    Some(Values { unit: unit.into(), columns, rows, stride, digits, lowest, range: [0.0, 1.0], signed: false, packed })
+    Some(MapValues {
+        unit: unit.into(),
+        columns,
+        rows,
+        stride,
+        digits,
+        lowest,
+        range: [0.0, 1.0],
+        signed: false,
+        packed,
+    })
 }
 
 /// The nearest number with `digits` significant digits, as its power of ten and its signed mantissa.

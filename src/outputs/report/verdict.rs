@@ -1,11 +1,11 @@
 //! "Is this good?": all rules in one place. Every reason is stated; the worst one decides.
 
-use crate::model::{CheckReport, FitReport, Level, Reason, SectionReport, Verdict};
+use crate::lines::MANY;
+use crate::model::{CheckReport, FitReport, QualityLevel, ReportVerdict, SectionReport, VerdictReason};
 use crate::number::{count, percent, plain};
 use crate::quantity::{parameter, symbol};
-use crate::view::MANY;
 use crate::{captures, held_out, residuals};
-use mesophyll_fits::record::fault::Grade;
+use mesophyll_fits::record::fault::FaultGrade;
 use mesophyll_fits::record::{DISCARDED, FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, READINGS};
 use mesophyll_fits::translucency::judge::NAMES;
 use mesophyll_optics::defect::Defect;
@@ -34,21 +34,23 @@ const ANGLE_ERROR: f64 = 3.0;
 const CONDITION: f64 = 1e8;
 
 /// Judges a fit by its record and by what was read from its folder.
-pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict {
+pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> ReportVerdict {
     let mut reasons = Vec::new();
     // Whether a reason rests on a truth that only a synthetic capture holds, and whether any other is bad.
     let (by_truth, missed) = (Cell::new(false), Cell::new(false));
-    let mut say = |level: Level, text: String| {
-        missed.set(missed.get() || (level == Level::Bad && !by_truth.get()));
-        reasons.push(Reason { level, text });
+    let mut say = |level: QualityLevel, text: String| {
+        missed.set(missed.get() || (level == QualityLevel::Bad && !by_truth.get()));
+        reasons.push(VerdictReason { level, text });
     };
     match record.termination {
-        Some(t) if t.converged() => say(Level::Good, format!("the fit converged ({})", t.name().replace('_', " "))),
-        Some(t) => say(Level::Bad, format!("the fit did not converge: {}", t.name().replace('_', " "))),
+        Some(t) if t.converged() => {
+            say(QualityLevel::Good, format!("the fit converged ({})", t.name().replace('_', " ")))
+        }
+        Some(t) => say(QualityLevel::Bad, format!("the fit did not converge: {}", t.name().replace('_', " "))),
         None => {}
     }
     for fault in &record.faults {
-        let level = if fault.grade == Grade::Wrong { Level::Bad } else { Level::Doubtful };
+        let level = if fault.grade == FaultGrade::Wrong { QualityLevel::Bad } else { QualityLevel::Doubtful };
         say(level, fault.says.clone());
     }
     for s in &report.sections {
@@ -65,12 +67,14 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         let (stopped, all) = terminations(s);
         if stopped > 0 {
             let level = match stopped as f64 / all as f64 {
-                s if s > RUNS_BAD => Level::Bad,
-                s if s > RUNS_GOOD => Level::Doubtful,
-                _ => Level::Good,
+                s if s > RUNS_BAD => QualityLevel::Bad,
+                s if s > RUNS_GOOD => QualityLevel::Doubtful,
+                _ => QualityLevel::Good,
             };
             match level {
-                Level::Good => say(level, format!("{side}all but {} of {} runs converged", count(stopped), count(all))),
+                QualityLevel::Good => {
+                    say(level, format!("{side}all but {} of {} runs converged", count(stopped), count(all)))
+                }
                 _ => say(level, format!("{side}{} of {} runs did not converge", count(stopped), count(all))),
             }
         }
@@ -79,11 +83,11 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
         by_truth.set(false);
         directions(&side, s, &mut say);
         if let Some(c) = s.condition.filter(|c| c.is_nan() || *c > CONDITION) {
-            say(Level::Doubtful, format!("{side}the shared problem is badly conditioned ({})", plain(c)));
+            say(QualityLevel::Doubtful, format!("{side}the shared problem is badly conditioned ({})", plain(c)));
         }
         if let Some(rank) = s.rank.filter(|r| *r < s.correlation_names.len()) {
             say(
-                Level::Doubtful,
+                QualityLevel::Doubtful,
                 format!(
                     "{side}rank {rank} of {}: some parameters are not determined together",
                     s.correlation_names.len()
@@ -97,18 +101,18 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> Verdict 
     let doubt = record.options.get("doubt").filter(|_| record.kind == FitKind::Translucency);
     let doubt = doubt.map(|doubt| format!("{doubt}; the maps are not to be relied on"));
     let stated = record.stated_in_one().map(|said| format!("{said}; nothing of it was measured"));
-    doubt.into_iter().chain(stated).for_each(|text| say(Level::Doubtful, text));
+    doubt.into_iter().chain(stated).for_each(|text| say(QualityLevel::Doubtful, text));
     match mesophyll_fits::consistency::of(folder) {
         Ok(faults) => {
-            faults.all().for_each(|what| say(Level::Bad, what.clone()));
-            faults.notes.iter().chain(&faults.unseen).for_each(|what| say(Level::Doubtful, what.clone()));
+            faults.all().for_each(|what| say(QualityLevel::Bad, what.clone()));
+            faults.notes.iter().chain(&faults.unseen).for_each(|what| say(QualityLevel::Doubtful, what.clone()));
         }
-        Err(e) => say(Level::Bad, e.to_string()),
+        Err(e) => say(QualityLevel::Bad, e.to_string()),
     }
     for m in report.missing.iter().filter(|m| m.contains("no maps") || m.contains("not a readable")) {
-        say(Level::Doubtful, m.clone());
+        say(QualityLevel::Doubtful, m.clone());
     }
-    Verdict { missed: missed.get(), ..finish(&report.name, reasons) }
+    ReportVerdict { missed: missed.get(), ..finish(&report.name, reasons) }
 }
 
 /// Worst errors of approximated functions: their name, what is good, what is bad, and what they are relative to.
@@ -124,14 +128,14 @@ fn approximates(s: &SectionReport) -> bool {
 
 /// Fits of a function (a sky's polynomials, a branch's basis, the light at a scene's anchors) are judged by their worst
 /// error.
-fn approximation(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+fn approximation(side: &str, s: &SectionReport, say: &mut impl FnMut(QualityLevel, String)) {
     for (name, good, bad, unit) in APPROXIMATIONS {
         let Some(error) = s.figures.get(name) else { continue };
         let fact = format!("{side}worst error {} of {unit}", plain(*error));
         let level = match *error {
-            e if e <= good => Level::Good,
-            e if e <= bad => Level::Doubtful,
-            _ => Level::Bad,
+            e if e <= good => QualityLevel::Good,
+            e if e <= bad => QualityLevel::Doubtful,
+            _ => QualityLevel::Bad,
         };
         say(level, fact);
     }
@@ -142,7 +146,7 @@ const BASIS_GOOD: f64 = 0.05;
 const BASIS_BAD: f64 = 0.5;
 
 /// A translucency fit is judged by how well its basis holds the full convolution.
-fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(QualityLevel, String)) {
     // The worst channel at each angle.
     let worst = NAMES.map(|angle| {
         let of = s.figures.iter().filter(|(n, _)| n.starts_with(&format!("basis_rms_{angle}_")));
@@ -151,9 +155,9 @@ fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)
     let [steep, half, grazing] = worst.map(percent);
     let level = match worst.into_iter().fold(f64::NAN, f64::max) {
         w if w.is_nan() => return,
-        w if w <= BASIS_GOOD => Level::Good,
-        w if w <= BASIS_BAD => Level::Doubtful,
-        _ => Level::Bad,
+        w if w <= BASIS_GOOD => QualityLevel::Good,
+        w if w <= BASIS_BAD => QualityLevel::Doubtful,
+        _ => QualityLevel::Bad,
     };
     say(
         level,
@@ -165,7 +169,12 @@ fn directions(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)
     );
 }
 
-fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say: &mut impl FnMut(Level, String)) {
+fn texels(
+    side: &str,
+    s: &SectionReport,
+    defects: &BTreeMap<String, String>,
+    say: &mut impl FnMut(QualityLevel, String),
+) {
     let Some(good) = s.counts.get("good").copied() else { return };
     // Besides good and outside, the fates are the named defects. Other counts (of all texels, of undetermined ones)
     // overlap with them.
@@ -180,7 +189,7 @@ fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say
         .map_or_else(|| good + named.iter().map(|d| d.1).sum::<usize>(), |all| all.saturating_sub(outside))
         .saturating_sub(edge);
     if inside == 0 {
-        say(Level::Bad, format!("{side}no texel lies on the leaf"));
+        say(QualityLevel::Bad, format!("{side}no texel lies on the leaf"));
         return;
     }
     let share = good as f64 / inside as f64;
@@ -190,21 +199,21 @@ fn texels(side: &str, s: &SectionReport, defects: &BTreeMap<String, String>, say
         fact.push_str(&format!(" (most of the rest: {}, {})", name.replace('_', " "), count(*n)));
     }
     let level = match share {
-        s if s >= TEXELS_GOOD => Level::Good,
-        s if s >= TEXELS_BAD => Level::Doubtful,
-        _ => Level::Bad,
+        s if s >= TEXELS_GOOD => QualityLevel::Good,
+        s if s >= TEXELS_BAD => QualityLevel::Doubtful,
+        _ => QualityLevel::Bad,
     };
     say(level, fact);
 }
 
 /// Readings that the fit left out as outliers.
-fn discarded(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+fn discarded(side: &str, s: &SectionReport, say: &mut impl FnMut(QualityLevel, String)) {
     let (Some(&left_out), Some(&all)) = (s.counts.get(DISCARDED), s.counts.get(READINGS)) else { return };
     if left_out == 0 {
         return;
     }
     let share = left_out as f64 / all.max(1) as f64;
-    let level = if share > DISCARDED_GOOD { Level::Doubtful } else { Level::Good };
+    let level = if share > DISCARDED_GOOD { QualityLevel::Doubtful } else { QualityLevel::Good };
     let (left_out, all) = (count(left_out), count(all));
     say(level, format!("{side}{left_out} of {all} readings were left out as outliers ({})", percent(share)));
 }
@@ -222,28 +231,31 @@ fn converged(name: &str) -> bool {
 }
 
 /// Problems over the whole leaf that stopped without converging.
-fn shared_problems(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+fn shared_problems(side: &str, s: &SectionReport, say: &mut impl FnMut(QualityLevel, String)) {
     for (problem, ending) in s.terminations.keys().filter_map(|n| n.split_once(':')) {
         if converged(ending) {
             continue;
         }
         let (problem, ending) = (problem.replace('_', "-"), ending.replace('_', " "));
-        say(Level::Bad, format!("{side}the {problem} problem did not converge: {ending}"));
+        say(QualityLevel::Bad, format!("{side}the {problem} problem did not converge: {ending}"));
     }
 }
 
 /// One sentence on the errors, one on the intervals that are right, one on those that are too narrow, and one on those
 /// that are too wide. Wrong intervals around values within a percent of the truth are doubtful; around worse values
 /// they are bad.
-fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
+fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(QualityLevel, String)) {
     let (mut near, mut right, mut wide) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut narrow, mut narrow_level) = (Vec::new(), Level::Doubtful);
+    let (mut narrow, mut narrow_level) = (Vec::new(), QualityLevel::Doubtful);
     for (name, t) in &s.truth {
         let q = symbol(name);
         if t.median_relative <= RELATIVE_ERROR {
             near.push(format!("{q} {}", percent(t.median_relative)));
         } else {
-            say(Level::Doubtful, format!("{side}{q} is {} from the known truth (median)", percent(t.median_relative)));
+            say(
+                QualityLevel::Doubtful,
+                format!("{side}{q} is {} from the known truth (median)", percent(t.median_relative)),
+            );
         }
         let Some(c) = t.coverage95 else { continue };
         let close = t.median_relative <= CLOSE;
@@ -257,14 +269,14 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
             let hit = (c * values as f64).round() as usize;
             match (values, hit) {
                 (1, 1) => say(
-                    Level::Good,
+                    QualityLevel::Good,
                     format!(
                         "{side}the known truth of {q} lies in its 95 % interval (one value, which says little of the \
                          error)"
                     ),
                 ),
                 (1, _) => say(
-                    Level::Doubtful,
+                    QualityLevel::Doubtful,
                     format!("{side}the known truth of {q} lies outside its 95 % interval (by chance in one fit of 20)"),
                 ),
                 _ if hit == values => right.push(format!("{q} in {hit} of {values} channels")),
@@ -272,7 +284,7 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
                 _ => narrow.push(format!("{q} in {hit} of {values} channels")),
             }
             if hit + 1 < values && !close {
-                narrow_level = Level::Bad;
+                narrow_level = QualityLevel::Bad;
             }
         } else if COVERAGE_GOOD.contains(&c) {
             right.push(format!("{q} {}", percent(c)));
@@ -281,7 +293,7 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
         } else {
             narrow.push(format!("{q} {}", percent(c)));
             if !COVERAGE_USABLE.contains(&c) && !close {
-                narrow_level = Level::Bad;
+                narrow_level = QualityLevel::Bad;
             }
         }
     }
@@ -293,20 +305,20 @@ fn truth(side: &str, s: &SectionReport, say: &mut impl FnMut(Level, String)) {
             percent(h.abs()),
             percent(g.abs())
         );
-        say(Level::Doubtful, text);
+        say(QualityLevel::Doubtful, text);
     }
-    let mut state = |level: Level, head: &str, list: Vec<String>| {
+    let mut state = |level: QualityLevel, head: &str, list: Vec<String>| {
         if !list.is_empty() {
             say(level, format!("{side}{head}: {}", list.join(", ")));
         }
     };
     state(narrow_level, "stated errors are too small, 95 % intervals hold the truth of too few", narrow);
-    state(Level::Doubtful, "stated errors are too large, 95 % intervals hold the truth of too many", wide);
-    state(Level::Good, "median error to the known truth", near);
-    state(Level::Good, "stated errors are right, 95 % intervals hold the truth of", right);
+    state(QualityLevel::Doubtful, "stated errors are too large, 95 % intervals hold the truth of too many", wide);
+    state(QualityLevel::Good, "median error to the known truth", near);
+    state(QualityLevel::Good, "stated errors are right, 95 % intervals hold the truth of", right);
 }
 
-fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
+fn parameters(report: &FitReport, say: &mut impl FnMut(QualityLevel, String)) {
     let undetermined: Vec<String> = report
         .parameters
         .iter()
@@ -325,7 +337,7 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
         } else {
             " (a value is determined when its standard error is at most 10 % of it)"
         };
-        say(Level::Doubtful, format!("not determined by the data{rule}: {}", undetermined.join("; ")));
+        say(QualityLevel::Doubtful, format!("not determined by the data{rule}: {}", undetermined.join("; ")));
     }
     let loose: Vec<String> = report
         .parameters
@@ -340,61 +352,69 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(Level, String)) {
         })
         .collect();
     if !loose.is_empty() {
-        say(Level::Doubtful, format!("known to worse than {}: {}", percent(RELATIVE_ERROR), loose.join(", ")));
+        say(QualityLevel::Doubtful, format!("known to worse than {}: {}", percent(RELATIVE_ERROR), loose.join(", ")));
     }
 }
 
 /// Judges a check.
-pub(crate) fn of_check(check: &CheckReport) -> Reason {
+pub(crate) fn of_check(check: &CheckReport) -> VerdictReason {
     let failed: Vec<&str> = check.views.iter().filter(|v| v.passed == Some(false)).map(|v| v.name.as_str()).collect();
     match check.passed {
         Some(true) if failed.is_empty() => {
             let views = check.views.len();
             let what = if views == 1 { "the picture agrees".into() } else { format!("all {views} pictures agree") };
-            Reason { level: Level::Good, text: format!("{what} with the reference renderer ({})", check.adapter) }
+            VerdictReason {
+                level: QualityLevel::Good,
+                text: format!("{what} with the reference renderer ({})", check.adapter),
+            }
         }
-        None => Reason { level: Level::Doubtful, text: "check.json does not say whether the check passed".into() },
-        _ if failed.is_empty() => Reason { level: Level::Bad, text: "the picture check missed its threshold".into() },
-        _ => Reason {
-            level: Level::Bad,
+        None => VerdictReason {
+            level: QualityLevel::Doubtful,
+            text: "check.json does not say whether the check passed".into(),
+        },
+        _ if failed.is_empty() => {
+            VerdictReason { level: QualityLevel::Bad, text: "the picture check missed its threshold".into() }
+        }
+        _ => VerdictReason {
+            level: QualityLevel::Bad,
             text: format!("the picture check missed its threshold in {}", failed.join(", ")),
         },
     }
 }
 
 /// The verdict over everything in the report.
-pub(crate) fn overall(fits: &[FitReport], checks: &[CheckReport]) -> Verdict {
-    let mut reasons: Vec<Reason> = fits
+pub(crate) fn overall(fits: &[FitReport], checks: &[CheckReport]) -> ReportVerdict {
+    let mut reasons: Vec<VerdictReason> = fits
         .iter()
-        .map(|f| Reason { level: f.verdict.level, text: f.verdict.sentence.trim_end_matches('.').to_string() })
+        .map(|f| VerdictReason { level: f.verdict.level, text: f.verdict.sentence.trim_end_matches('.').to_string() })
         .collect();
     reasons.extend(checks.iter().map(of_check));
     reasons.extend(checks.iter().filter_map(|c| captures::reason(&c.captures)));
-    let level = reasons.iter().map(|r| r.level).max().unwrap_or(Level::Doubtful);
+    let level = reasons.iter().map(|r| r.level).max().unwrap_or(QualityLevel::Doubtful);
     let sentence = match (level, reasons.is_empty()) {
         (_, true) => "There is nothing to judge: no fit and no check were found.".into(),
-        (Level::Good, _) => "Every fit and check met its mark.".into(),
-        (Level::Doubtful, _) => "Something needs a look before the numbers are relied on.".into(),
-        (Level::Bad, _) => "Something missed its mark.".into(),
+        (QualityLevel::Good, _) => "Every fit and check met its mark.".into(),
+        (QualityLevel::Doubtful, _) => "Something needs a look before the numbers are relied on.".into(),
+        (QualityLevel::Bad, _) => "Something missed its mark.".into(),
     };
-    Verdict { level, sentence, missed: level == Level::Bad, reasons }
+    ReportVerdict { level, sentence, missed: level == QualityLevel::Bad, reasons }
 }
 
 /// The worst level, and a sentence with up to three reasons of that level.
-fn finish(name: &str, mut reasons: Vec<Reason>) -> Verdict {
+fn finish(name: &str, mut reasons: Vec<VerdictReason>) -> ReportVerdict {
     reasons.sort_by_key(|r| std::cmp::Reverse(r.level));
-    let level = reasons.iter().map(|r| r.level).max().unwrap_or(Level::Doubtful);
+    let level = reasons.iter().map(|r| r.level).max().unwrap_or(QualityLevel::Doubtful);
     let mut ruling: Vec<&str> = reasons.iter().filter(|r| r.level == level).map(|r| r.text.as_str()).collect();
     let more = ruling.len().saturating_sub(3);
     ruling.truncate(3);
     let mut sentence = match level {
-        Level::Good => format!("{name} is good: {}", ruling.join("; ")),
-        Level::Doubtful if reasons.is_empty() => {
+        QualityLevel::Good => format!("{name} is good: {}", ruling.join("; ")),
+        QualityLevel::Doubtful if reasons.is_empty() => {
             format!("{name} cannot be judged: it states no residuals, counts or errors")
         }
-        Level::Doubtful => format!("{name} is usable with care: {}", ruling.join("; ")),
-        Level::Bad => format!("{name} is not good: {}", ruling.join("; ")),
+        QualityLevel::Doubtful => format!("{name} is usable with care: {}", ruling.join("; ")),
+        QualityLevel::Bad => format!("{name} is not good: {}", ruling.join("; ")),
     };
     sentence += &if more > 0 { format!("; and {more} more.") } else { ".".into() };
-    Verdict { level, sentence, missed: level == Level::Bad, reasons }
+    ReportVerdict { level, sentence, missed: level == QualityLevel::Bad, reasons }
 }

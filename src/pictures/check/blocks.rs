@@ -57,7 +57,7 @@ mod tests {
         let of = |times: f64| picture(&even(times), [120, 120], 10, 1.0);
         let right = of(1.0);
         let apart = |times: f64| {
-            let flip = mesophyll_transport::compare::compare(&right, &of(times).ldr).unwrap().flip_p99;
+            let flip = mesophyll_transport::comparison::compare(&right, &of(times).ldr).unwrap().flip_p99;
             let changed = GREEN.map(|v| (tone::display(v * times, 1.0) - tone::display(v, 1.0)).abs());
             let largest = changed.into_iter().fold(0.0, f64::max);
             println!("{times} times: FLIP {flip:.4}, largest error {largest:.4}");
@@ -68,7 +68,7 @@ mod tests {
         let mut views = 0;
         for name in ["lawn", "meadow", "post", "stone", "tree"] {
             let path = format!("{}/../../../data/grass/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-            for view in mesophyll_scene::manifest::Manifest::read(path.as_ref()).unwrap().views {
+            for view in mesophyll_scene::manifest::SceneManifest::read(path.as_ref()).unwrap().views {
                 let limits = [view.flip_p99, view.max_error].map(Option::unwrap);
                 for (k, what) in ["flip_p99", "max_error"].into_iter().enumerate() {
                     let told = format!("{name}, {}: {what} = {}", view.name, limits[k]);

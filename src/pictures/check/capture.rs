@@ -14,13 +14,13 @@ use crate::report::exceeds;
 use crate::{Options, told};
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::image::{to_srgb8, write_png};
-use mesophyll_fits::leaf::held_out::{self, BAD, Kept, KeptFrame, Tally};
-use mesophyll_fits::leaf_folder::File;
-use mesophyll_fits::record::scan::Scan;
+use mesophyll_fits::leaf::held_out::{self, BAD, ResidualTally, StoredFrame, StoredFrames};
+use mesophyll_fits::leaf_folder::LeafFitFile;
+use mesophyll_fits::record::scan::ScanRecord;
 use mesophyll_optics::side::Side;
-use mesophyll_scene::draw::scanned::Scanned;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::{View, ViewKind};
+use mesophyll_scene::draw::scan::ScanSide;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::{SceneView, ViewKind};
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use serde::Serialize;
@@ -32,7 +32,7 @@ const ALLOWED: f64 = 0.5;
 
 /// One frame, drawn twice and compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CaptureReport {
+pub struct CaptureFigures {
     /// Name of the view.
     pub name: String,
     /// Name of the leaf in the scene.
@@ -50,12 +50,12 @@ pub struct CaptureReport {
     /// The error of pictures that is allowed.
     pub allowed: f64,
     /// The real-time renderer's picture.
-    pub renderer: Drawn,
+    pub renderer: CaptureComparison,
     /// The reference renderer's picture.
-    pub reference: Drawn,
+    pub reference: CaptureComparison,
     /// The renderer's picture with the V-cavity factor that bounds gloss in scenes, and that the fit's lobe does not
     /// have. It is printed, not judged.
-    pub bounded: Drawn,
+    pub bounded: CaptureComparison,
     /// Errors of the tube model's prediction and of the light box, each in units of its own noise.
     pub model_off: f64,
     /// Error of the light box; `None` where the scan has none.
@@ -76,7 +76,7 @@ pub struct CaptureReport {
 
 /// A picture compared with the measurement, in the units of the rule.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Drawn {
+pub struct CaptureComparison {
     pub reduced_chi2: f64,
     /// Error beyond noise and chance.
     pub off: f64,
@@ -91,19 +91,20 @@ pub struct Drawn {
 /// Draws and judges every capture view of the scene, and one frame for each side of every other fit that stores frames.
 /// Sentences say what was skipped.
 pub fn all(
-    scene: &Scene,
+    scene: &LoadedScene,
     renderer: &mut gpu::Renderer,
     options: &Options,
-) -> Result<(Vec<CaptureReport>, Vec<String>)> {
+) -> Result<(Vec<CaptureFigures>, Vec<String>)> {
     let (mut out, mut skipped) = (Vec::new(), Vec::new());
     let manifest = &scene.manifest;
     for leaf in scene.leaves() {
         let name = &leaf.config.name;
-        let views: Vec<&View> =
+        let views: Vec<&SceneView> =
             manifest.views.iter().filter(|v| v.kind == ViewKind::Capture && v.leaf.as_ref() == Some(name)).collect();
         let Some(fitted) = &leaf.placed.fitted else { continue };
         for side in Side::ALL {
-            let own: Vec<&View> = views.iter().filter(|v| v.side.unwrap_or(Side::Front) == side).copied().collect();
+            let own: Vec<&SceneView> =
+                views.iter().filter(|v| v.side.unwrap_or(Side::Front) == side).copied().collect();
             let Some(kept) = held_out::kept(&fitted.folder, &fitted.record, side)? else {
                 skipped.extend(own.iter().map(|v| {
                     format!(
@@ -115,14 +116,15 @@ pub fn all(
                 }));
                 continue;
             };
-            let scanned = Scanned::new(fitted, side)?;
-            let changed = [File::Maps, File::HeldOut].into_iter().find_map(|f| fitted.verify(&f.name(side)).err());
-            let mut wanted: Vec<(String, &KeptFrame, f64)> = Vec::new();
+            let scanned = ScanSide::new(fitted, side)?;
+            let changed =
+                [LeafFitFile::Maps, LeafFitFile::HeldOut].into_iter().find_map(|f| fitted.verify(&f.name(side)).err());
+            let mut wanted: Vec<(String, &StoredFrame, f64)> = Vec::new();
             for view in &own {
                 match chosen(&kept, view) {
                     Some(frame) => wanted.push((view.name.clone(), frame, view.max_error.unwrap_or(ALLOWED))),
                     None => {
-                        let list: Vec<String> = kept.frames.iter().map(KeptFrame::name).collect();
+                        let list: Vec<String> = kept.frames.iter().map(StoredFrame::name).collect();
                         let what = format!("no such held-out frame; the fit keeps {}", list.join(", "));
                         return Err(Error::field(&manifest.path, &format!("view \"{}\"", view.name), what));
                     }
@@ -143,28 +145,28 @@ pub fn all(
 }
 
 /// The frame that a view asks for; where it leaves something open, the brightest of the frames that match.
-fn chosen<'a>(kept: &'a Kept, view: &View) -> Option<&'a KeptFrame> {
-    let fits = |f: &&KeptFrame| view.pass.is_none_or(|p| p == f.travel) && view.frame.is_none_or(|k| k == f.frame);
+fn chosen<'a>(kept: &'a StoredFrames, view: &SceneView) -> Option<&'a StoredFrame> {
+    let fits = |f: &&StoredFrame| view.pass.is_none_or(|p| p == f.travel) && view.frame.is_none_or(|k| k == f.frame);
     kept.frames.iter().filter(fits).max_by(|a, b| light(a).total_cmp(&light(b)))
 }
 
-fn brightest(kept: &Kept) -> Option<&KeptFrame> {
+fn brightest(kept: &StoredFrames) -> Option<&StoredFrame> {
     kept.frames.iter().max_by(|a, b| light(a).total_cmp(&light(b)))
 }
 
-fn light(frame: &KeptFrame) -> f64 {
+fn light(frame: &StoredFrame) -> f64 {
     frame.measured[1].iter().filter(|v| v.is_finite()).map(|v| f64::from(*v)).sum()
 }
 
 fn one(
-    scanned: &Scanned,
-    kept: &Kept,
-    frame: &KeptFrame,
+    scanned: &ScanSide,
+    kept: &StoredFrames,
+    frame: &StoredFrame,
     name: String,
     allowed: f64,
     renderer: &mut gpu::Renderer,
     options: &Options,
-) -> Result<CaptureReport> {
+) -> Result<CaptureFigures> {
     let (width, height) = (scanned.width as u32, scanned.height as u32);
     let mut scene = scanned.scene(frame, false)?;
     renderer.set_scene(&scene).map_err(told)?;
@@ -176,14 +178,14 @@ fn one(
     let texels: Vec<usize> = (0..kept.width * kept.height).map(|k| kept.texel(k, scanned.width)).collect();
     let mut wanted = vec![false; scanned.width * scanned.height];
     (0..texels.len()).filter(|k| frame.predicted[1][*k].is_finite()).for_each(|k| wanted[texels[k]] = true);
-    let truth = transport::Renderer::new(&world)?.scan(scanned.width, scanned.height, |k| wanted[k])?;
+    let truth = transport::ReferenceRenderer::new(&world)?.scan(scanned.width, scanned.height, |k| wanted[k])?;
     let drawn = |k: usize| [0, 1, 2].map(|c: usize| f64::from(picture.hdr[texels[k]][c]));
     let exact = |k: usize| truth[texels[k]];
     let (by_renderer, expected, z) = compare(scanned.scan, frame, drawn);
     let (by_reference, _, _) = compare(scanned.scan, frame, exact);
     let (bounded, _, _) =
         compare(scanned.scan, frame, |k| [0, 1, 2].map(|c: usize| f64::from(with_cavity.hdr[texels[k]][c])));
-    let mut out = CaptureReport {
+    let mut out = CaptureFigures {
         name,
         leaf: scanned.fitted.name.clone(),
         side: scanned.side.name(),
@@ -210,8 +212,12 @@ fn one(
 }
 
 /// A picture against a frame: figures, the expectation, and the green residuals.
-fn compare(scan: &Scan, frame: &KeptFrame, drawn: impl Fn(usize) -> [f64; 3]) -> (Drawn, f64, Vec<f32>) {
-    let (mut tally, mut model, mut most, mut share) = (Tally::default(), 0.0, 0f64, 0.0);
+fn compare(
+    scan: &ScanRecord,
+    frame: &StoredFrame,
+    drawn: impl Fn(usize) -> [f64; 3],
+) -> (CaptureComparison, f64, Vec<f32>) {
+    let (mut tally, mut model, mut most, mut share) = (ResidualTally::default(), 0.0, 0f64, 0.0);
     let mut green = vec![f32::NAN; frame.predicted[1].len()];
     for k in (0..green.len()).filter(|k| frame.predicted[1][*k].is_finite()) {
         let value = drawn(k);
@@ -230,7 +236,7 @@ fn compare(scan: &Scan, frame: &KeptFrame, drawn: impl Fn(usize) -> [f64; 3]) ->
     let n = 3.0 * green.iter().filter(|z| !z.is_nan()).count() as f64;
     let expected = frame.expected * share / n;
     let excess = tally.reduced_chi2() - 2.0 * tally.stderr() - expected;
-    let out = Drawn {
+    let out = CaptureComparison {
         reduced_chi2: tally.reduced_chi2(),
         off: if excess.is_nan() { f64::INFINITY } else { excess.max(0.0).sqrt() },
         share_beyond_3: tally.share_beyond_3(),
@@ -241,7 +247,7 @@ fn compare(scan: &Scan, frame: &KeptFrame, drawn: impl Fn(usize) -> [f64; 3]) ->
     (out, expected, green)
 }
 
-impl CaptureReport {
+impl CaptureFigures {
     fn judge(&mut self) {
         for (who, drawn) in [("the renderer's picture", self.renderer), ("the reference's picture", self.reference)] {
             if exceeds(drawn.off, self.allowed) {
@@ -270,8 +276,8 @@ impl CaptureReport {
 
     fn draw(
         &mut self,
-        kept: &Kept,
-        frame: &KeptFrame,
+        kept: &StoredFrames,
+        frame: &StoredFrame,
         options: &Options,
         drawn: &dyn Fn(usize) -> [f64; 3],
         exact: &dyn Fn(usize) -> [f64; 3],

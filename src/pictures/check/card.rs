@@ -3,16 +3,16 @@
 
 use crate::cost::timed;
 use crate::pictures::save;
-use crate::report::{ViewReport, exceeds};
+use crate::report::{ViewFigures, exceeds};
 use crate::{Options, proof, told};
 use mesophyll_base::error::Result;
-use mesophyll_scene::draw::card::{self, Card};
+use mesophyll_scene::draw::card::{self, LeafCard};
 use mesophyll_scene::draw::{handover, reference};
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::View;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneView;
 use mesophyll_scene::placed::daylight::sun_direction;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_transport::{self as transport, compare};
+use mesophyll_transport::{self as transport, comparison};
 use mesophyll_viewer as gpu;
 use std::time::Instant;
 
@@ -21,16 +21,16 @@ const COLUMNS: usize = 24;
 const ROWS: usize = 18;
 
 pub fn one_card(
-    scene: &Scene,
-    view: &View,
+    scene: &LoadedScene,
+    view: &SceneView,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
-) -> Result<ViewReport> {
+) -> Result<ViewFigures> {
     let manifest = &scene.manifest;
     let size = (manifest.check.width, manifest.check.height);
     let (w, h) = (size.0 as usize, size.1 as usize);
-    let card = Card::new(scene, view, ledger)?;
+    let card = LeafCard::new(scene, view, ledger)?;
     renderer.set_scene(&handover::card(scene, &card, ledger)?).map_err(told)?;
     let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
     let mut out = timed(manifest, view, renderer)?;
@@ -52,7 +52,7 @@ pub fn one_card(
         .map(|k| ((2 * (k % COLUMNS) + 1) * w / (2 * COLUMNS), (2 * (k / COLUMNS) + 1) * h / (2 * ROWS)))
         .collect();
     let exact = card.closed_form(manifest, view, (w, h), &pixels)?;
-    let seen = compare::compare(&truth, &picture.ldr)?;
+    let seen = comparison::compare(&truth, &picture.ldr)?;
     (out.flip_mean, out.flip_p99, out.interior_share) = (seen.flip_mean, seen.flip_p99, seen.interior_share);
     let (worst, at) = relative(&picture.hdr, w, &pixels, &exact);
     // The reference spreads its rays over pixel and sun. Few pixels with many rays show its own distance from the

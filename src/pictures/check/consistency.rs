@@ -7,16 +7,16 @@
 //! in the median.
 
 use mesophyll_base::error::Result;
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_fits::consistency::says_how_it_was_measured;
 use mesophyll_fits::leaf_folder::frames;
-use mesophyll_fits::leaf_folder::{BLADE, File, LeafFit, pack};
+use mesophyll_fits::leaf_folder::{BLADE, LeafFit, LeafFitFile, packing};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
-use mesophyll_scene::loaded::Leaf;
-use mesophyll_scene::placed::fits::reads;
+use mesophyll_scene::loaded::LoadedLeaf;
+use mesophyll_scene::placed::fits::reader;
 use mesophyll_scene::placed::ledger::Ledger;
 use rayon::prelude::*;
 
@@ -33,15 +33,15 @@ const OUTLINE: f64 = 0.9;
 ///
 /// # Errors
 /// [`mesophyll_base::error::Error::Input`] for a map that cannot be read.
-pub fn contradictions(leaf: Leaf, ledger: &Ledger) -> Result<Vec<String>> {
+pub fn contradictions(leaf: LoadedLeaf, ledger: &Ledger) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let Some(fitted) = &leaf.placed.fitted else { return Ok(out) };
     for (s, side) in Side::ALL.into_iter().enumerate() {
         if !(leaf.plan.sides[s].any() || leaf.plan.sides[s].mean) {
             continue;
         }
-        let path = fitted.path(File::Maps, side);
-        let maps = reads::maps(fitted, side, ledger)?;
+        let path = fitted.path(LeafFitFile::Maps, side);
+        let maps = reader::maps(fitted, side, ledger)?;
         let mask = maps.require_scalar(&path, Quantity::Mask)?;
         let thickness = maps.require_scalar(&path, Quantity::Thickness)?;
         let good: Vec<usize> = (0..mask.len()).filter(|&k| mask[k] > 0.0).collect();
@@ -74,9 +74,9 @@ fn off(value: f64, expected: f64, by: f64) -> bool {
     value.is_nan() || (value - expected).abs() > by
 }
 
-fn interior(fitted: &LeafFit, side: Side, maps: &Maps, good: &[usize]) -> Result<Vec<String>> {
+fn interior(fitted: &LeafFit, side: Side, maps: &ChannelMaps, good: &[usize]) -> Result<Vec<String>> {
     let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
-    let path = fitted.path(File::Maps, side);
+    let path = fitted.path(LeafFitFile::Maps, side);
     let thickness = maps.require_scalar(&path, Quantity::Thickness)?;
     let [gamma, rho_d, rho_t] = [
         maps.require_three(&path, Quantity::Gamma)?,
@@ -110,13 +110,13 @@ fn interior(fitted: &LeafFit, side: Side, maps: &Maps, good: &[usize]) -> Result
 }
 
 /// Compares normals and mask with the blade.
-fn shape(fitted: &LeafFit, leaf: Leaf, s: usize, maps: &Maps, mesh: &LeafMesh) -> Result<Vec<String>> {
+fn shape(fitted: &LeafFit, leaf: LoadedLeaf, s: usize, maps: &ChannelMaps, mesh: &LeafMesh) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let (w, h) = (maps.width, maps.height);
     let path = fitted.folder.join(BLADE);
     let covered = frames::covered(mesh, w, h);
     let column = |k: usize| Side::ALL[s].in_front(k, w);
-    let mask = maps.require_scalar(&fitted.path(File::Maps, Side::ALL[s]), Quantity::Mask)?;
+    let mask = maps.require_scalar(&fitted.path(LeafFitFile::Maps, Side::ALL[s]), Quantity::Mask)?;
     let (mut both, mut either) = (0usize, 0usize);
     for (k, m) in mask.iter().enumerate() {
         both += usize::from(*m != 0.0 && covered[column(k)]);
@@ -129,7 +129,7 @@ fn shape(fitted: &LeafFit, leaf: Leaf, s: usize, maps: &Maps, mesh: &LeafMesh) -
     if !leaf.plan.sides[s].normal {
         return Ok(out);
     }
-    let normals = pack::normals(&fitted.path(File::Maps, Side::ALL[s]), maps)?;
+    let normals = packing::normals(&fitted.path(LeafFitFile::Maps, Side::ALL[s]), maps)?;
     let frames = frames::frames(&path, mesh, w, h)?;
     let on: Vec<usize> = (0..w * h).filter(|&k| mask[k] > 0.0 && covered[column(k)]).collect();
     // The blade's relief comes from these normals. If they are mirrored, they lean against it.

@@ -1,23 +1,23 @@
 //! The cost of a frame: a view's times, and the share of the translucency maps, measured by drawing with and without
 //! them in turns.
 
-use crate::report::{Term, ViewReport};
+use crate::report::{TranslucencyCost, ViewFigures};
 use crate::told;
 use mesophyll_base::error::Result;
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::manifest::{Manifest, View, ViewKind};
+use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
 use mesophyll_viewer as gpu;
 
 /// A view's report with its times, which are judged on real GPUs.
-pub fn timed(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer) -> Result<ViewReport> {
+pub fn timed(manifest: &SceneManifest, view: &SceneView, renderer: &mut gpu::Renderer) -> Result<ViewFigures> {
     let (w, h) = (manifest.check.width, manifest.check.height);
     let timing = renderer.time(&handover::camera(view), w, h, manifest.check.frames as usize).map_err(told)?;
     Ok(of(view, &timing, renderer))
 }
 
 /// A view's report with these times.
-pub fn of(view: &View, timing: &gpu::Timing, renderer: &gpu::Renderer) -> ViewReport {
-    let mut out = ViewReport {
+pub fn of(view: &SceneView, timing: &gpu::FrameTiming, renderer: &gpu::Renderer) -> ViewFigures {
+    let mut out = ViewFigures {
         name: view.name.clone(),
         frame_ms_median: timing.quantile(0.5).unwrap_or(0.0),
         frame_ms_p95: timing.quantile(0.95).unwrap_or(0.0),
@@ -26,7 +26,7 @@ pub fn of(view: &View, timing: &gpu::Timing, renderer: &gpu::Renderer) -> ViewRe
         threshold_max_error: view.max_error.unwrap_or(0.0),
         threshold_frame_ms: view.frame_ms,
         passes: timing.passes.iter().map(|(n, t)| (n.clone(), median(t))).collect(),
-        ..ViewReport::default()
+        ..ViewFigures::default()
     };
     if let Some(limit) = view.frame_ms
         && !renderer.adapter().is_software
@@ -39,12 +39,12 @@ pub fn of(view: &View, timing: &gpu::Timing, renderer: &gpu::Renderer) -> ViewRe
 
 /// Draws the first view with and without the translucency maps, by turns, and gives the maps back.
 pub fn term(
-    manifest: &Manifest,
+    manifest: &SceneManifest,
     scene: &gpu::scene::Scene,
     renderer: &mut gpu::Renderer,
     timed: bool,
-) -> Result<Option<Term>> {
-    let has = |l: &gpu::scene::Leaf| l.sides.iter().any(|(_, s)| s.translucency.is_some());
+) -> Result<Option<TranslucencyCost>> {
+    let has = |l: &gpu::scene::LeafMaterial| l.sides.iter().any(|(_, s)| s.translucency.is_some());
     let own: Vec<usize> = (0..scene.materials.len()).filter(|&k| scene.leaf(k).is_some_and(has)).collect();
     let view = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
     let (Some(view), false) = (view, own.is_empty()) else { return Ok(None) };
@@ -57,7 +57,7 @@ pub fn term(
     };
     let operations = [longest(scene, renderer), longest(&plain, renderer)];
     if !timed {
-        return Ok(Some(Term { ms: None, operations }));
+        return Ok(Some(TranslucencyCost { ms: None, operations }));
     }
     let mut times = [Vec::new(), Vec::new()];
     for turn in 0..4 {
@@ -75,7 +75,7 @@ pub fn term(
     for &k in &own {
         renderer.set_material(scene, k).map_err(told)?;
     }
-    Ok(Some(Term { ms: Some(times.map(|t| median(&t))), operations }))
+    Ok(Some(TranslucencyCost { ms: Some(times.map(|t| median(&t))), operations }))
 }
 
 /// The median; 0 for an empty list.

@@ -5,8 +5,8 @@
 use crate::told;
 use mesophyll_base::error::Result;
 use mesophyll_files::image;
-use mesophyll_scene::draw::{between, handover};
-use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::draw::{handover, transfer};
+use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::ViewKind;
 use mesophyll_scene::placed::daylight::{self, Daylight};
 use mesophyll_scene::placed::ledger::Ledger;
@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// One hour.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Hour {
+pub struct CheckHour {
     /// Solar time; 12 is noon.
     pub hour: f64,
     /// Angle of the sun from straight up.
@@ -34,14 +34,14 @@ pub struct Hour {
 const COLUMNS: usize = 4;
 
 /// The hours as one picture.
-pub struct Strip {
+pub struct DayStrip {
     /// The hours, in the order of the day.
-    pub hours: Vec<Hour>,
+    pub hours: Vec<CheckHour>,
     /// The mosaic. A place without an hour is black.
     pub picture: gpu::Picture,
 }
 
-impl Strip {
+impl DayStrip {
     /// Writes the picture as PNG.
     ///
     /// # Errors
@@ -57,13 +57,13 @@ impl Strip {
 /// # Errors
 /// [`mesophyll_base::error::Error::Missed`] where the renderer or the fit fails.
 pub fn draw(
-    scene: &Scene,
+    scene: &LoadedScene,
     drawn: &viewer::Scene,
     renderer: &mut gpu::Renderer,
     (w, h): (u32, u32),
     ledger: &Ledger,
-) -> Result<Option<Strip>> {
-    let Scene { manifest, plan, .. } = scene;
+) -> Result<Option<DayStrip>> {
+    let LoadedScene { manifest, plan, .. } = scene;
     let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) else { return Ok(None) };
     let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) else { return Ok(None) };
     let (tile_w, tile_h) = (w as usize, h as usize);
@@ -87,7 +87,7 @@ pub fn draw(
             sun.irradiance = daylight.sun.map(|v| v as f32);
         }
         if let Some(found) = &scene.transfer {
-            between::shade(found, daylight::direction(zenith, azimuth), &mut lit)?;
+            transfer::shade(found, daylight::direction(zenith, azimuth), &mut lit)?;
         }
         renderer.set_lights(&lit).map_err(told)?;
         let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
@@ -105,7 +105,7 @@ pub fn draw(
         let error =
             made.distance(&exact).iter().zip(c00).map(|(d, c)| d / c.abs().max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
         let (zenith_deg, azimuth_deg) = (zenith.to_degrees(), azimuth.to_degrees());
-        hours.push(Hour { hour, zenith_deg, azimuth_deg, sun: daylight.sun, fit_error: error });
+        hours.push(CheckHour { hour, zenith_deg, azimuth_deg, sun: daylight.sun, fit_error: error });
     }
-    Ok(Some(Strip { hours, picture: mosaic }))
+    Ok(Some(DayStrip { hours, picture: mosaic }))
 }

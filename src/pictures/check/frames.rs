@@ -1,12 +1,12 @@
 //! Times of frames alone: every perspective view is drawn again and again as by a program that shows frames, without a
 //! reference and without goldens.
 
-use crate::report::{Report, Scope};
+use crate::report::{CheckVerdict, ViewScope};
 use crate::{cost, told};
 use mesophyll_base::error::Result;
 use mesophyll_files::progress;
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::loaded::Scene;
+use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::ViewKind;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_viewer as gpu;
@@ -23,12 +23,12 @@ const CLOCKED: usize = 3;
 /// # Errors
 /// Those of handing over and of drawing, and a stop that was asked for.
 pub fn all(
-    scene: &Scene,
+    scene: &LoadedScene,
     renderer: &mut gpu::Renderer,
     count: usize,
     begun: Option<Instant>,
     ledger: &Ledger,
-    report: &mut Report,
+    report: &mut CheckVerdict,
 ) -> Result<()> {
     let manifest = &scene.manifest;
     let (w, h) = (manifest.check.width, manifest.check.height);
@@ -37,7 +37,7 @@ pub fn all(
     report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
     report.pipelines = renderer.stats().pipelines.clone();
     let views: Vec<_> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
-    let bar = progress::Bar::new("frames", (views.len() * count) as u64);
+    let bar = progress::TaskProgress::new("frames", (views.len() * count) as u64);
     for view in views {
         let camera = handover::camera(view);
         let mut show = |renderer: &mut gpu::Renderer, k: usize| {
@@ -65,8 +65,8 @@ pub fn all(
         gpu::readback::wait(renderer.gpu()).map_err(told)?;
         // The adapter's own clock needs frames that are waited for.
         let passes = renderer.time(&camera, w, h, CLOCKED).map_err(told)?.passes;
-        let mut out = cost::of(view, &gpu::Timing { frame_ms, passes }, renderer);
-        out.scope = Scope::Time;
+        let mut out = cost::of(view, &gpu::FrameTiming { frame_ms, passes }, renderer);
+        out.scope = ViewScope::Time;
         out.passed = out.why.is_empty();
         report.views.push(out);
     }

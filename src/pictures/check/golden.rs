@@ -13,8 +13,8 @@
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::image;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_transport::{compare, tone};
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_transport::{comparison, tone};
 use mesophyll_viewer::Picture;
 use std::path::{Path, PathBuf};
 
@@ -39,7 +39,7 @@ pub const CHANGED: f64 = 2e-3;
 
 /// How far a picture is from its golden.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Figures {
+pub struct GoldenFigures {
     /// Mean FLIP error over all pixels, 0 to 1.
     pub flip_mean: f64,
     /// Share of pixels with a displayed value more than [`STEPS`] of 255 off.
@@ -47,14 +47,14 @@ pub struct Figures {
 }
 
 /// A comparison with a golden.
-pub struct Comparison {
+pub struct GoldenComparison {
     /// How far the two are apart.
-    pub figures: Figures,
+    pub figures: GoldenFigures,
     /// Eightfold difference about grey, RGB.
     pub difference: Vec<u8>,
 }
 
-impl Figures {
+impl GoldenFigures {
     /// What is too large, in words; `None` where both figures are within their limits. A NaN is too large.
     pub fn missed(&self) -> Option<String> {
         let mut out = Vec::new();
@@ -76,7 +76,7 @@ impl Figures {
 const SMALL_SCAN: (usize, usize) = (24, 96);
 
 /// Makes the scans of leaves that have no fit of their own small, so that scanning and fitting them takes seconds.
-pub fn small_scans(manifest: &mut Manifest) {
+pub fn small_scans(manifest: &mut SceneManifest) {
     for scan in manifest.leaves.iter_mut().filter(|l| l.fit.is_none()).filter_map(|l| l.scan.as_mut()) {
         let (w, h) = scan.texels().unwrap_or((720, 540));
         let longest = w.max(h);
@@ -90,12 +90,12 @@ pub fn small_scans(manifest: &mut Manifest) {
 
 /// Whether the scene as it stands draws its goldens. Where leaves are scanned first, only a scene with [`small_scans`]
 /// does.
-pub fn applies(manifest: &Manifest) -> bool {
+pub fn applies(manifest: &SceneManifest) -> bool {
     !manifest.leaves.iter().any(|l| l.fit.is_none() && l.scan.is_some())
 }
 
 /// Columns and rows of a scene's golden pictures: the shape of its check's pictures.
-pub fn size(manifest: &Manifest) -> (u32, u32) {
+pub fn size(manifest: &SceneManifest) -> (u32, u32) {
     let (w, h) = (manifest.check.width, manifest.check.height);
     let longest = w.max(h).max(1);
     let scaled = |n: u32| ((n * LONGEST + longest / 2) / longest).max(2);
@@ -103,7 +103,7 @@ pub fn size(manifest: &Manifest) -> (u32, u32) {
 }
 
 /// `golden/SCENE-VIEW.png` beside the scene file.
-pub fn path(manifest: &Manifest, view: &str) -> PathBuf {
+pub fn path(manifest: &SceneManifest, view: &str) -> PathBuf {
     manifest.resolve(Path::new("golden")).join(format!("{}-{view}.png", manifest.name))
 }
 
@@ -120,7 +120,7 @@ pub fn write(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Re
 ///
 /// # Errors
 /// [`Error::Input`] when the golden cannot be read or has another size.
-pub fn compare(path: &Path, picture: &Picture, exposure: f64) -> Result<Comparison> {
+pub fn compare(path: &Path, picture: &Picture, exposure: f64) -> Result<GoldenComparison> {
     let (w, h, golden) = read(path)?;
     let (width, height) = (picture.width as usize, picture.height as usize);
     if (w, h) != (width, height) {
@@ -131,12 +131,14 @@ pub fn compare(path: &Path, picture: &Picture, exposure: f64) -> Result<Comparis
         return Err(Error::input(path, what));
     }
     let pixels = &settled(picture, &golden, exposure)[..];
-    let flip = compare::flip_map(&golden, pixels, w, h);
+    let flip = comparison::flip_map(&golden, pixels, w, h);
     let count = (w * h) as f64;
     let changed = golden.iter().zip(pixels).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > STEPS)).count();
-    let figures =
-        Figures { flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / count, changed: changed as f64 / count };
-    Ok(Comparison { figures, difference: compare::difference_picture(&golden, pixels, 8.0) })
+    let figures = GoldenFigures {
+        flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / count,
+        changed: changed as f64 / count,
+    };
+    Ok(GoldenComparison { figures, difference: comparison::difference_picture(&golden, pixels, 8.0) })
 }
 
 /// The picture in 8 bits, rounded as the golden is where both ways are right.
@@ -191,7 +193,7 @@ mod tests {
         let drawn: Vec<[u8; 4]> = (0..w * h).map(|k| [(k % w) as u8, (k / w) as u8, 60, 255]).collect();
         write(&path, w, h, &drawn).unwrap();
         let figures = |pixels: &[[u8; 4]]| compare(&path, &picture(w, h, pixels, 0.0), 1.0).unwrap().figures;
-        assert_eq!(figures(&drawn), Figures { flip_mean: 0.0, changed: 0.0 });
+        assert_eq!(figures(&drawn), GoldenFigures { flip_mean: 0.0, changed: 0.0 });
         // 116 pixels of 800 × 600 are on the other side of an edge. At this size the edges have the same length, and a
         // pixel's side is four times as large.
         let edges: Vec<[u8; 4]> =
@@ -211,7 +213,7 @@ mod tests {
             "{:?}",
             figures(&moved)
         );
-        assert!(Figures { flip_mean: f64::NAN, changed: 0.0 }.missed().is_some());
+        assert!(GoldenFigures { flip_mean: f64::NAN, changed: 0.0 }.missed().is_some());
         let error = compare(&path, &picture(h, w, &drawn, 0.0), 1.0).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(error.contains("found 200x150 pixels, expected 150x200"), "{error}");
     }

@@ -4,22 +4,22 @@
 use crate::{open, told};
 use mesophyll_base::error::Result;
 use mesophyll_files::quantity::Quantity;
-use mesophyll_fits::leaf_folder::{File, fill};
+use mesophyll_fits::leaf_folder::{LeafFitFile, filling};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::draw::reference;
-use mesophyll_scene::loaded::{Leaf, Scene};
-use mesophyll_scene::manifest::{Interior, Manifest, ViewKind};
-use mesophyll_scene::placed::fits::reads;
-use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::loaded::{LoadedLeaf, LoadedScene};
+use mesophyll_scene::manifest::{InteriorSource, SceneManifest, ViewKind};
+use mesophyll_scene::placed::fits::reader;
+use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_transport::{self as transport, compare as measure};
+use mesophyll_transport::{self as transport, comparison as measure};
 use std::path::Path;
 
 /// One leaf with one kind of interior.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Row {
+pub struct InteriorRow {
     /// Name of the leaf in the scene.
     pub leaf: String,
     /// `scalars` or `maps`.
@@ -38,15 +38,15 @@ pub struct Row {
 ///
 /// # Errors
 /// As [`crate::check`].
-pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Result<Vec<Row>> {
+pub fn compare(manifest: &SceneManifest, out: Option<&Path>, ledger: &Ledger) -> Result<Vec<InteriorRow>> {
     let mut renderer = open()?;
     let mut rows = Vec::new();
     for index in 0..manifest.leaves.len() {
-        for (name, interior) in [("scalars", Interior::Scalars), ("maps", Interior::Maps)] {
+        for (name, interior) in [("scalars", InteriorSource::Scalars), ("maps", InteriorSource::Maps)] {
             let mut variant = manifest.clone();
             variant.leaves[index].interior = interior;
-            let search = Search { out, ..Search::default() };
-            let scene = Scene::open(variant, search, ledger)?;
+            let search = LeafSearch { out, ..LeafSearch::default() };
+            let scene = LoadedScene::open(variant, search, ledger)?;
             let leaf = scene.leaf(index);
             // A stated look has one interior only.
             let stated = leaf.placed.fitted.as_ref().is_some_and(|fitted| fitted.is_stated());
@@ -60,7 +60,7 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
             let of_interior = |n: &str| n.starts_with(&prefix) && parts.iter().any(|p| n.ends_with(p));
             let bytes = renderer.stats().uploads.iter().filter(|u| of_interior(&u.name)).map(|u| u.bytes).sum();
             let truth = measured_world(&scene, ledger)?;
-            let stage = transport::Renderer::new(&truth)?;
+            let stage = transport::ReferenceRenderer::new(&truth)?;
             let (mut flip, mut error): (f64, f64) = (0.0, 0.0);
             for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
                 let (w, h) = (manifest.check.width, manifest.check.height);
@@ -71,7 +71,7 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
                 let seen = measure::compare(&reference, &picture.ldr)?;
                 (flip, error) = (flip.max(seen.flip_p99), error.max(seen.max_error.unwrap_or(0.0)));
             }
-            rows.push(Row {
+            rows.push(InteriorRow {
                 leaf: manifest.leaves[index].name.clone(),
                 interior: name,
                 bytes,
@@ -85,7 +85,7 @@ pub fn compare(manifest: &Manifest, out: Option<&Path>, ledger: &Ledger) -> Resu
 }
 
 /// The reference world with the fit's own ρd and ρt maps, which both interiors approximate.
-fn measured_world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
+fn measured_world(scene: &LoadedScene, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut world = reference::world(scene, ledger)?;
     for (leaf, drawn) in scene.drawn().zip(&mut world.leaves) {
         let Some(fitted) = &leaf.placed.fitted else { continue };
@@ -93,16 +93,18 @@ fn measured_world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
             if !leaf.plan.sides[s].interior() {
                 continue;
             }
-            let path = fitted.path(File::Maps, side);
-            let maps = reads::maps(fitted, side, ledger)?;
+            let path = fitted.path(LeafFitFile::Maps, side);
+            let maps = reader::maps(fitted, side, ledger)?;
             let mut planes = maps.require_planes(&path, &[Quantity::RhoD, Quantity::RhoT, Quantity::Mask])?;
             let good: Vec<bool> = (0..maps.width * maps.height)
                 .map(|k| planes[6][k] > 0.0 && planes.iter().all(|p| p[k].is_finite()))
                 .collect();
-            fill::require(&path, &mut planes, &good, maps.width, maps.height)?;
+            filling::require(&path, &mut planes, &good, maps.width, maps.height)?;
             let mut take = |c: usize| std::mem::take(&mut planes[c]);
-            let interior =
-                transport::Interior::Maps { rho_d: [take(0), take(1), take(2)], rho_t: [take(3), take(4), take(5)] };
+            let interior = transport::ReferenceInterior::Maps {
+                rho_d: [take(0), take(1), take(2)],
+                rho_t: [take(3), take(4), take(5)],
+            };
             if s == 0 { drawn.front.interior = interior } else { drawn.back.interior = interior }
         }
     }
@@ -110,17 +112,17 @@ fn measured_world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
 }
 
 /// Root mean square of the model's ρd and ρt divided by the fit's own, less one.
-fn fit_error(leaf: Leaf, ledger: &Ledger) -> Result<f64> {
+fn fit_error(leaf: LoadedLeaf, ledger: &Ledger) -> Result<f64> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(f64::NAN) };
     let (mut sum, mut count) = (0.0, 0u64);
     for (s, side) in Side::ALL.into_iter().enumerate() {
         if !leaf.plan.sides[s].interior() {
             continue;
         }
-        let maps = reads::maps(fitted, side, ledger)?;
+        let maps = reader::maps(fitted, side, ledger)?;
         let one = [Quantity::Mask, Quantity::Thickness];
         let three = [Quantity::Gamma, Quantity::SigmaA, Quantity::SigmaS, Quantity::RhoD, Quantity::RhoT];
-        let p = maps.require_planes(&fitted.path(File::Maps, side), &[&one[..], &three].concat())?;
+        let p = maps.require_planes(&fitted.path(LeafFitFile::Maps, side), &[&one[..], &three].concat())?;
         let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
         let n = maps.width * maps.height;
         // Tens of thousands of texels are enough for a root mean square.
@@ -129,11 +131,11 @@ fn fit_error(leaf: Leaf, ledger: &Ledger) -> Result<f64> {
             for c in 0..3 {
                 let f = |at: usize| f64::from(p[at + c][k]);
                 let (rho_d, rho_t) = match leaf.config.interior {
-                    Interior::Scalars => {
+                    InteriorSource::Scalars => {
                         let r = slab::response(sigma_a[c], sigma_s[c], h);
                         (f(2) * r.rho_d, r.rho_t)
                     }
-                    Interior::Maps => {
+                    InteriorSource::Maps => {
                         let r = slab::response(f(5), f(8), h);
                         (r.rho_d, r.rho_t)
                     }
@@ -151,7 +153,7 @@ fn fit_error(leaf: Leaf, ledger: &Ledger) -> Result<f64> {
 }
 
 /// The rows in words.
-pub fn text(rows: &[Row]) -> String {
+pub fn text(rows: &[InteriorRow]) -> String {
     rows.iter()
         .map(|r| {
             format!(

@@ -16,26 +16,26 @@ pub mod day;
 mod frames;
 pub mod golden;
 pub mod interiors;
-pub mod kept;
 pub mod methods;
 mod perspective;
 mod pictures;
 mod proof;
 mod report;
-mod smooth;
-mod verify;
+mod smoothness;
+pub mod sun_shares;
+mod verification;
 
-pub use capture::CaptureReport;
-pub use report::{Report, Scope, Term, ViewReport};
-pub use smooth::Smooth;
-pub use verify::verify;
+pub use capture::CaptureFigures;
+pub use report::{CheckVerdict, TranslucencyCost, ViewFigures, ViewScope};
+pub use smoothness::FilmSmoothness;
+pub use verification::verify;
 
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::{atomic, progress};
-use mesophyll_scene::draw::truth::Truth;
-use mesophyll_scene::draw::{handover, reference, sunlit, true_leaf};
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::{View, ViewKind};
+use mesophyll_scene::draw::scene_reference::SceneReference;
+use mesophyll_scene::draw::{handover, reference, sunlight, true_leaf};
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::{SceneView, ViewKind};
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
@@ -81,8 +81,8 @@ pub fn told(e: gpu::Error) -> Error {
 /// # Errors
 /// [`Error::Missed`] without an adapter; [`Error::Input`] for a leaf that is not fitted or a damaged file. A missed
 /// threshold is no error here: see [`Report::passed`].
-pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report> {
-    let Scene { manifest, placed, plan, .. } = scene;
+pub fn check(scene: &LoadedScene, options: &Options, ledger: &Ledger) -> Result<CheckVerdict> {
+    let LoadedScene { manifest, placed, plan, .. } = scene;
     if let Some(missing) = placed.unfitted().first() {
         let name = &manifest.leaves[*missing].name;
         return Err(Error::field(
@@ -95,7 +95,7 @@ pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report
     let mut renderer = open()?;
     let adapter = renderer.adapter().clone();
     let faults = verify(scene, ledger)?;
-    let mut report = Report {
+    let mut report = CheckVerdict {
         passed: true,
         adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
         software: adapter.is_software,
@@ -128,21 +128,21 @@ pub fn check(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<Report
 
 /// Every view against the reference or its closed form, and against its golden where there is one.
 fn against_reference(
-    scene: &Scene,
+    scene: &LoadedScene,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
-    report: &mut Report,
+    report: &mut CheckVerdict,
 ) -> Result<()> {
-    let Scene { manifest, placed, plan, .. } = scene;
-    let perspective: Vec<&View> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
+    let LoadedScene { manifest, placed, plan, .. } = scene;
+    let perspective: Vec<&SceneView> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     if !perspective.is_empty() {
         let mut drawn = handover::scene(scene, ledger)?;
         // The path tracer follows light through everything, not only through what a view sees. Only the path tracer
         // draws leaves by their layers, and a lawn's blades in each other's shade.
         let layers = scene.drawn().any(|leaf| leaf.config.layers.is_some());
         let traced = plan.light.between.is_some() || !placed.grass.is_empty() || layers;
-        let mut world = if traced { transport::World::default() } else { reference::world(scene, ledger)? };
+        let mut world = if traced { transport::ReferenceWorld::default() } else { reference::world(scene, ledger)? };
         renderer.set_scene(&drawn).map_err(told)?;
         report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
         report.pipelines = renderer.stats().pipelines.clone();
@@ -163,21 +163,24 @@ fn against_reference(
                 false => reference::move_to(&mut world, scene, time)?,
             }
             let mut by_maps = world.clone();
-            let stored = sunlit::relight_as_stored(&mut by_maps, scene, &placed.eyes)?;
+            let stored = sunlight::relight_as_stored(&mut by_maps, scene, &placed.eyes)?;
             let mut as_grown = world.clone();
             let known = !true_leaf::replace(&mut as_grown, scene, &options.out)?.is_empty();
-            let as_grown = if known { Some(Truth::new(&as_grown, traced)?) } else { None };
-            let stage = Truth::new(&world, traced)?;
-            let by_maps = if stored { Some(Truth::new(&by_maps, traced)?) } else { None };
+            let as_grown = if known { Some(SceneReference::new(&as_grown, traced)?) } else { None };
+            let stage = SceneReference::new(&world, traced)?;
+            let by_maps = if stored { Some(SceneReference::new(&by_maps, traced)?) } else { None };
             while let Some(view) = left.next_if(|v| !placed.moves().any() || manifest.time_of(v) == time) {
-                let _bar = progress::Bar::of(format!("view {}", view.name));
-                let stages =
-                    perspective::Stages { truth: &stage, by_maps: by_maps.as_ref(), true_leaf: as_grown.as_ref() };
+                let _bar = progress::TaskProgress::of(format!("view {}", view.name));
+                let stages = perspective::ReferencePair {
+                    truth: &stage,
+                    by_maps: by_maps.as_ref(),
+                    true_leaf: as_grown.as_ref(),
+                };
                 report.views.push(perspective::one_view(scene, view, renderer, &stages, options)?);
             }
         }
         if let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) {
-            report.film = smooth::film(manifest, view, &drawn, renderer)?;
+            report.film = smoothness::film(manifest, view, &drawn, renderer)?;
             report.failures.extend(report.film.and_then(|f| f.why()));
         }
         let slow = report.views.first().is_some_and(|v| v.frame_ms_median > 2000.0);

@@ -16,19 +16,19 @@
 //! tracer, because the method could draw at best a picture under the cut light. Their bytes are computed: one
 //! coefficient in half precision for each pixel, wavelet and colour, without any compression.
 
-use crate::kept::{Kept, kept};
+use crate::sun_shares::{SunShareChange, kept};
 use crate::{Options, open, told};
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::{atomic, image, progress};
-use mesophyll_scene::draw::truth::{Sampling, Truth};
+use mesophyll_scene::draw::scene_reference::{ReferenceSampling, SceneReference};
 use mesophyll_scene::draw::{handover, reference};
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::{View, ViewKind};
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::{SceneView, ViewKind};
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_transport::compare::compare;
+use mesophyll_transport::comparison::compare;
 use mesophyll_transport::cube::CubeLight;
-use mesophyll_transport::render::Lens;
-use mesophyll_transport::{ReferencePicture, World, tone};
+use mesophyll_transport::renderer::CameraRays;
+use mesophyll_transport::{ReferencePicture, ReferenceWorld, tone};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::fmt::Write;
@@ -37,7 +37,7 @@ use std::time::Instant;
 
 /// A way to draw a view, with its error, time and bytes.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Row {
+pub struct MethodRow {
     /// The view's name.
     pub view: String,
     /// One of the names in the module's table.
@@ -70,7 +70,11 @@ const SHADOWS: (u32, u32) = (8, 2048);
 /// # Errors
 /// [`Error::Usage`] for a scene without light between leaves; [`Error::Missed`] without an adapter; and those of
 /// reading, drawing and writing.
-pub fn weigh(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Vec<Row>, Vec<Kept>)> {
+pub fn weigh(
+    scene: &mut LoadedScene,
+    options: &Options,
+    ledger: &Ledger,
+) -> Result<(Vec<MethodRow>, Vec<SunShareChange>)> {
     if scene.transfer.is_none() {
         let why = "missing, or left out for a leaf that stands alone; methods are compared for light between leaves";
         return Err(Error::field(&scene.manifest.path, "transfer", why));
@@ -85,7 +89,7 @@ pub fn weigh(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(V
     let mut renderer = open()?;
     let (mut rows, mut held) = (Vec::new(), Vec::new());
     for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
-        let _bar = progress::Bar::of(format!("methods for view {}", view.name));
+        let _bar = progress::TaskProgress::of(format!("methods for view {}", view.name));
         let world = reference::traced(scene, manifest.time_of(view), ledger)?;
         if scene.placed.moves().plants() {
             let rest = reference::traced(scene, manifest.rest_time(), ledger)?;
@@ -108,7 +112,7 @@ pub fn weigh(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(V
 }
 
 /// The rows as text.
-pub fn text(rows: &[Row], held: &[Kept]) -> String {
+pub fn text(rows: &[MethodRow], held: &[SunShareChange]) -> String {
     let mut out = format!("{:<10} {:<22} FLIP 99 %  RMS/mean  ms          bytes\n", "view", "method");
     for r in rows {
         let _ = writeln!(
@@ -123,19 +127,19 @@ pub fn text(rows: &[Row], held: &[Kept]) -> String {
 
 /// One view.
 struct Weighing<'a> {
-    scene: &'a Scene,
-    view: &'a View,
+    scene: &'a LoadedScene,
+    view: &'a SceneView,
     own: &'a viewer::Scene,
     /// The scene with light between leaves by ambient occlusion.
     occluded: &'a viewer::Scene,
-    world: &'a World,
+    world: &'a ReferenceWorld,
     options: &'a Options,
 }
 
 impl Weighing<'_> {
-    fn rows(&self, renderer: &mut gpu::Renderer) -> Result<Vec<Row>> {
+    fn rows(&self, renderer: &mut gpu::Renderer) -> Result<Vec<MethodRow>> {
         let check = &self.scene.manifest.check;
-        let stage = Truth::new(self.world, true)?;
+        let stage = SceneReference::new(self.world, true)?;
         let truth = stage.view(self.scene, self.view, check.seed)?;
         let start = Instant::now();
         let other = stage.view(self.scene, self.view, check.seed.wrapping_add(1))?;
@@ -175,7 +179,7 @@ impl Weighing<'_> {
         (hdr, ldr): (&[[f32; 4]], &[[u8; 4]]),
         milliseconds: f64,
         light_bytes: u64,
-    ) -> Result<Row> {
+    ) -> Result<MethodRow> {
         let seen = compare(truth, ldr)?;
         let picture = format!("{}-{}.png", self.view.name, method.replace(", ", "-").replace(' ', "-"));
         image::write_png(&self.options.out.join(&picture), truth.width, truth.height, ldr.as_flattened())?;
@@ -188,7 +192,7 @@ impl Weighing<'_> {
             }
         }
         let mean = sum / f64::from(count.max(1));
-        Ok(Row {
+        Ok(MethodRow {
             view: self.view.name.clone(),
             method,
             flip_p99: seen.flip_p99,
@@ -205,14 +209,14 @@ impl Weighing<'_> {
         let mut cube = CubeLight::new(self.world, SIDE)?;
         cube.keep(WAVELETS);
         let map = cube.environment(ROWS)?;
-        let mut world = World { sun: None, sky: None, dome: None, ..self.world.clone() };
+        let mut world = ReferenceWorld { sun: None, sky: None, dome: None, ..self.world.clone() };
         // Translucency maps belong to a sun in one direction, which this light does not have.
         world.through.clear();
         world.environment = Some(Arc::new(map.clone()));
-        let sampling = Sampling::of(self.scene, self.scene.manifest.check.seed);
+        let sampling = ReferenceSampling::of(self.scene, self.scene.manifest.check.seed);
         let camera = reference::camera(self.view);
-        let mut out = Truth::new(&world, true)?.draw(&camera, "wavelets", sampling)?;
-        let lens = Lens::new(&camera, out.width, out.height)?;
+        let mut out = SceneReference::new(&world, true)?.draw(&camera, "wavelets", sampling)?;
+        let lens = CameraRays::new(&camera, out.width, out.height)?;
         let exposure = self.scene.manifest.exposure;
         for k in 0..out.hdr.len() {
             let beside = f64::from(1.0 - truth.hdr[k][3]);
@@ -276,7 +280,7 @@ fn ways(own: &viewer::Scene, occluded: &viewer::Scene) -> Vec<(&'static str, vie
 /// What the renderer keeps for the light of a scene.
 fn bytes(scene: &viewer::Scene) -> u64 {
     // What was set to zero for a comparison would not be stored.
-    let lit = |t: &&viewer::Transfer| t.entries.iter().any(|e| *e != [0.0; 4]);
+    let lit = |t: &&viewer::RadianceTransfer| t.entries.iter().any(|e| *e != [0.0; 4]);
     let operators = scene.transfer.as_ref().filter(lit).map_or(0, |t| 8 * t.entries.len() as u64);
     let seen = |s: &&Arc<Vec<u8>>| s.iter().any(|v| *v > 0);
     let shares = scene.sun_shares.as_ref().filter(seen).map_or(0, |s| s.len() as u64);

@@ -4,33 +4,33 @@
 use crate::blocks;
 use crate::cost::timed;
 use crate::pictures::save;
-use crate::report::{TrueLeaf, ViewReport, exceeds};
+use crate::report::{TrueLeafError, ViewFigures, exceeds};
 use crate::{Options, proof, told};
 use mesophyll_base::error::Result;
 use mesophyll_files::image::write_png;
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::draw::truth::Truth;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::{JudgedBy, View};
-use mesophyll_transport::compare;
+use mesophyll_scene::draw::scene_reference::SceneReference;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::{SceneView, TranslucencyReference};
+use mesophyll_transport::comparison;
 use mesophyll_viewer as gpu;
 use std::time::Instant;
 
 /// The reference, and the same with translucency maps evaluated as they are stored.
-pub struct Stages<'a> {
-    pub truth: &'a Truth<'a>,
-    pub by_maps: Option<&'a Truth<'a>>,
+pub struct ReferencePair<'a> {
+    pub truth: &'a SceneReference<'a>,
+    pub by_maps: Option<&'a SceneReference<'a>>,
     /// The reference with the true leaves, where scans are synthetic.
-    pub true_leaf: Option<&'a Truth<'a>>,
+    pub true_leaf: Option<&'a SceneReference<'a>>,
 }
 
 pub fn one_view(
-    scene: &Scene,
-    view: &View,
+    scene: &LoadedScene,
+    view: &SceneView,
     renderer: &mut gpu::Renderer,
-    stages: &Stages,
+    stages: &ReferencePair,
     options: &Options,
-) -> Result<ViewReport> {
+) -> Result<ViewFigures> {
     let manifest = &scene.manifest;
     let size = (manifest.check.width, manifest.check.height);
     let (w, h) = (size.0 as usize, size.1 as usize);
@@ -42,9 +42,9 @@ pub fn one_view(
     if let Some(by_maps) = stages.by_maps {
         // Both use the same rays, so they differ only by the basis.
         let stored = by_maps.view(scene, view, seed)?;
-        let basis = compare::compare(&truth, &stored.ldr)?;
+        let basis = comparison::compare(&truth, &stored.ldr)?;
         out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
-        if view.judged_by == JudgedBy::Maps {
+        if view.judged_by == TranslucencyReference::Maps {
             (truth, out.by_maps) = (stored, true);
         }
     }
@@ -52,11 +52,11 @@ pub fn one_view(
     let other = own.view(scene, view, seed.wrapping_add(1))?;
     out.reference_s = start.elapsed().as_secs_f64();
     let (seen, noise) = match view.blocks {
-        None => (compare::compare(&truth, &picture.ldr)?, compare::noise_floor(&truth, &other)?),
+        None => (comparison::compare(&truth, &picture.ldr)?, comparison::noise_floor(&truth, &other)?),
         Some(side) => {
             let mean = |hdr: &[[f32; 4]]| blocks::picture(hdr, [w, h], side as usize, manifest.exposure);
             let right = mean(&truth.hdr);
-            let against = |hdr: &[[f32; 4]]| compare::compare(&right, &mean(hdr).ldr);
+            let against = |hdr: &[[f32; 4]]| comparison::compare(&right, &mean(hdr).ldr);
             (against(&picture.hdr)?, against(&other.hdr)?)
         }
     };
@@ -71,10 +71,10 @@ pub fn one_view(
     if let Some(stage) = stages.true_leaf {
         // Both use the same rays, so they differ only by the fit.
         let grown = stage.view(scene, view, seed)?;
-        let apart = compare::compare(&grown, &picture.ldr)?;
+        let apart = comparison::compare(&grown, &picture.ldr)?;
         let file = format!("{}-true-leaf.png", view.name);
         write_png(&options.out.join(&file), w, h, grown.ldr.as_flattened())?;
-        out.true_leaf = Some(TrueLeaf {
+        out.true_leaf = Some(TrueLeafError {
             flip_mean: apart.flip_mean,
             flip_p99: apart.flip_p99,
             max_error: apart.max_error,
@@ -87,7 +87,7 @@ pub fn one_view(
     Ok(out)
 }
 
-impl ViewReport {
+impl ViewFigures {
     fn judge_against_reference(&mut self) {
         if let Some(limit) = self.threshold_flip_p99
             && exceeds(self.flip_p99, limit)

@@ -1,10 +1,10 @@
 //! The pictures that a check writes besides its figures.
 
 use crate::Options;
-use crate::report::ViewReport;
+use crate::report::ViewFigures;
 use mesophyll_base::error::Result;
 use mesophyll_files::image;
-use mesophyll_transport::{ReferencePicture, compare};
+use mesophyll_transport::{ReferencePicture, comparison};
 use mesophyll_viewer as gpu;
 
 /// How much the picture of the difference is enlarged.
@@ -14,17 +14,22 @@ const TOPS: [f64; 5] = [0.05, 0.1, 0.2, 0.5, 1.0];
 
 /// Writes picture, reference, enlarged difference and FLIP map of a view, and notes the scales of the last two.
 pub fn save(
-    view: &mut ViewReport,
+    view: &mut ViewFigures,
     options: &Options,
     truth: &ReferencePicture,
     picture: &gpu::Picture,
-    seen: &compare::Comparison,
+    seen: &comparison::PictureComparison,
 ) -> Result<()> {
     let names = ["", "-reference", "-difference", "-flip"].map(|ending| format!("{}{ending}.png", view.name));
     let (w, h) = (truth.width, truth.height);
     image::write_png(&options.out.join(&names[0]), w, h, picture.ldr.as_flattened())?;
     image::write_png(&options.out.join(&names[1]), w, h, truth.ldr.as_flattened())?;
-    image::write_png(&options.out.join(&names[2]), w, h, &compare::difference_picture(&truth.ldr, &picture.ldr, GAIN))?;
+    image::write_png(
+        &options.out.join(&names[2]),
+        w,
+        h,
+        &comparison::difference_picture(&truth.ldr, &picture.ldr, GAIN),
+    )?;
     // The scale includes twice the error that is seen and twice the error that is allowed, so that maps of good
     // pictures are not black.
     let needed = 2.0 * seen.flip_p99.max(view.threshold_flip_p99.unwrap_or(0.0));

@@ -1,14 +1,14 @@
 //! Every view, drawn small and compared with its golden picture, or written as one.
 
-use crate::report::{Scope, ViewReport};
-use crate::{Options, Report, told};
+use crate::report::{ViewFigures, ViewScope};
+use crate::{CheckVerdict, Options, told};
 use crate::{day, golden};
 use mesophyll_base::error::Result;
 use mesophyll_files::{image, progress};
-use mesophyll_scene::draw::card::Card;
+use mesophyll_scene::draw::card::LeafCard;
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::{Manifest, View, ViewKind};
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_viewer as gpu;
 
@@ -20,11 +20,11 @@ const HOURS: &str = "hours";
 /// # Errors
 /// As [`crate::check`].
 pub fn all(
-    scene: &Scene,
+    scene: &LoadedScene,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
-    report: &mut Report,
+    report: &mut CheckVerdict,
 ) -> Result<()> {
     let manifest = &scene.manifest;
     let of_kind = |kind: ViewKind| manifest.views.iter().filter(move |v| v.kind == kind);
@@ -41,19 +41,24 @@ pub fn all(
         hours(scene, &drawn, renderer, options, ledger, report)?;
     }
     for view in of_kind(ViewKind::Card) {
-        let card = Card::new(scene, view, ledger)?;
+        let card = LeafCard::new(scene, view, ledger)?;
         renderer.set_scene(&handover::card(scene, &card, ledger)?).map_err(told)?;
         report.views.push(alone(manifest, view, renderer, options)?);
     }
     Ok(())
 }
 
-fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options: &Options) -> Result<ViewReport> {
-    let mut out = ViewReport {
+fn alone(
+    manifest: &SceneManifest,
+    view: &SceneView,
+    renderer: &mut gpu::Renderer,
+    options: &Options,
+) -> Result<ViewFigures> {
+    let mut out = ViewFigures {
         name: view.name.clone(),
         card: view.kind == ViewKind::Card,
-        scope: Scope::Golden,
-        ..ViewReport::default()
+        scope: ViewScope::Golden,
+        ..ViewFigures::default()
     };
     judge_view(manifest, view, renderer, options, &mut out)?;
     out.passed = out.why.is_empty();
@@ -62,11 +67,11 @@ fn alone(manifest: &Manifest, view: &View, renderer: &mut gpu::Renderer, options
 
 /// Draws small the view that the renderer holds, and judges it by its golden where that applies.
 pub fn judge_view(
-    manifest: &Manifest,
-    view: &View,
+    manifest: &SceneManifest,
+    view: &SceneView,
     renderer: &mut gpu::Renderer,
     options: &Options,
-    out: &mut ViewReport,
+    out: &mut ViewFigures,
 ) -> Result<()> {
     if !options.goldens_only && !golden::applies(manifest) {
         return Ok(());
@@ -79,12 +84,12 @@ pub fn judge_view(
 /// The hours of the scene's day as one more picture, where the scene has a day and a golden of it exists or will be
 /// written.
 pub fn hours(
-    scene: &Scene,
+    scene: &LoadedScene,
     drawn: &gpu::scene::Scene,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
-    report: &mut Report,
+    report: &mut CheckVerdict,
 ) -> Result<()> {
     let manifest = &scene.manifest;
     let wanted = options.update_golden || golden::path(manifest, HOURS).is_file();
@@ -93,7 +98,7 @@ pub fn hours(
     }
     let (w, h) = golden::size(manifest);
     if let Some(strip) = day::draw(scene, drawn, renderer, (w / 2, h / 2), ledger)? {
-        let mut out = ViewReport { name: HOURS.into(), scope: Scope::Golden, ..ViewReport::default() };
+        let mut out = ViewFigures { name: HOURS.into(), scope: ViewScope::Golden, ..ViewFigures::default() };
         judge(manifest, &strip.picture, options, &mut out)?;
         out.passed = out.why.is_empty();
         report.views.push(out);
@@ -103,7 +108,7 @@ pub fn hours(
 
 /// Writes the picture as the golden of `out.name`, or compares the two. Only a check of the goldens alone requires a
 /// golden that does not exist.
-fn judge(manifest: &Manifest, picture: &gpu::Picture, options: &Options, out: &mut ViewReport) -> Result<()> {
+fn judge(manifest: &SceneManifest, picture: &gpu::Picture, options: &Options, out: &mut ViewFigures) -> Result<()> {
     let path = golden::path(manifest, &out.name);
     let (w, h) = (picture.width as usize, picture.height as usize);
     image::write_png(&options.out.join(format!("{}-small.png", out.name)), w, h, picture.ldr.as_flattened())?;

@@ -1,15 +1,15 @@
 //! The verdict of a check: a view's figures, what the translucency maps cost, and all of it as JSON and in words.
 
-use crate::CaptureReport;
-use crate::Smooth;
-use crate::day::Hour;
+use crate::CaptureFigures;
+use crate::FilmSmoothness;
+use crate::day::CheckHour;
 use crate::golden;
-use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::manifest::SceneManifest;
 use serde_json::{Value, json};
 
 /// The verdict.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Report {
+pub struct CheckVerdict {
     /// Whether every view, capture and file is as the scene asks.
     pub passed: bool,
     /// What drew: name, interface and driver.
@@ -17,9 +17,9 @@ pub struct Report {
     /// Whether the CPU drew: then frame times are printed, not judged.
     pub software: bool,
     /// The views, in the order of the scene.
-    pub views: Vec<ViewReport>,
+    pub views: Vec<ViewFigures>,
     /// Leaves as their scans saw them, compared with held-out frames.
-    pub captures: Vec<CaptureReport>,
+    pub captures: Vec<CaptureFigures>,
     /// Capture views that could not be drawn, in one sentence each; they are not judged.
     pub skipped: Vec<String>,
     /// What else went wrong, one sentence each: files that are not as they were fitted.
@@ -31,18 +31,18 @@ pub struct Report {
     /// Names of the pipelines that were made.
     pub pipelines: Vec<String>,
     /// What translucency maps cost a fragment, where there are any.
-    pub translucency: Option<Term>,
+    pub translucency: Option<TranslucencyCost>,
     /// Whether a film is smooth, where the scene asks for one.
-    pub film: Option<Smooth>,
+    pub film: Option<FilmSmoothness>,
     /// The hours of the scene's day, drawn into `day.png`.
-    pub day: Vec<Hour>,
+    pub day: Vec<CheckHour>,
     /// Time from the start of the program to the end of the first frame (s), where only frames are timed.
     pub first_frame_s: Option<f64>,
 }
 
 /// The cost of the translucency maps' term compared with the whole shader, in one run on one adapter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Term {
+pub struct TranslucencyCost {
     /// Median time (ms) of the main pass of the first perspective view (of a frame where the adapter has no clock),
     /// with the term, and with the cosine of the mesh's normal instead of it. `None` where a frame takes seconds.
     pub ms: Option<[f64; 2]>,
@@ -53,7 +53,7 @@ pub struct Term {
 
 /// What is looked at in a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Scope {
+pub enum ViewScope {
     /// The picture against the reference, the golden, and the time of a frame.
     #[default]
     Whole,
@@ -65,7 +65,7 @@ pub enum Scope {
 
 /// One view's figures; `None` where there was nothing to measure.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct ViewReport {
+pub struct ViewFigures {
     /// The name of the view in the scene.
     pub name: String,
     /// Whether it is a card, which is judged by its closed form.
@@ -97,11 +97,11 @@ pub struct ViewReport {
     /// The largest error that the scene allows.
     pub threshold_max_error: f64,
     /// How far the small picture is from the scene's golden picture, where there is one.
-    pub golden: Option<golden::Figures>,
+    pub golden: Option<golden::GoldenFigures>,
     /// What was looked at.
-    pub scope: Scope,
+    pub scope: ViewScope,
     /// The renderer's picture compared with the reference's picture of the true leaves.
-    pub true_leaf: Option<TrueLeaf>,
+    pub true_leaf: Option<TrueLeafError>,
     /// Median time of a frame, ms.
     pub frame_ms_median: f64,
     /// 95th percentile of the time of a frame, ms.
@@ -130,7 +130,7 @@ pub struct ViewReport {
 /// The error that the fit causes, where the true leaves are known: the picture from the fit compared with the
 /// reference's picture of the truth.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TrueLeaf {
+pub struct TrueLeafError {
     pub flip_mean: f64,
     pub flip_p99: f64,
     pub max_error: Option<f64>,
@@ -142,7 +142,7 @@ pub fn exceeds(value: f64, limit: f64) -> bool {
     value.is_nan() || value > limit
 }
 
-impl ViewReport {
+impl ViewFigures {
     fn json(&self) -> Value {
         let pictures = self.pictures.clone().unwrap_or_default();
         json!({
@@ -201,9 +201,9 @@ impl ViewReport {
                 100.0 * g.changed
             )
         });
-        let mut line = if self.scope == Scope::Time {
+        let mut line = if self.scope == ViewScope::Time {
             format!("{verdict}  {}: {times}", self.name)
-        } else if self.scope == Scope::Golden {
+        } else if self.scope == ViewScope::Golden {
             format!("{verdict}  {}: {}", self.name, golden.clone().unwrap_or_else(|| "drawn small".into()))
         } else if self.card {
             format!(
@@ -240,7 +240,7 @@ impl ViewReport {
                 t.flip_mean, t.flip_p99
             );
         }
-        if let Some(golden) = golden.filter(|_| self.scope == Scope::Whole) {
+        if let Some(golden) = golden.filter(|_| self.scope == ViewScope::Whole) {
             line += &format!("\n        {golden}");
         }
         for why in &self.why {
@@ -250,9 +250,9 @@ impl ViewReport {
     }
 }
 
-impl Report {
+impl CheckVerdict {
     /// The JSON of the contract, with further fields.
-    pub fn json(&self, manifest: &Manifest) -> Value {
+    pub fn json(&self, manifest: &SceneManifest) -> Value {
         let mut out = json!({
             "scene": manifest.name,
             "passed": self.passed,
@@ -262,7 +262,7 @@ impl Report {
             "reference_samples": manifest.check.samples,
             "failures": self.failures,
             "warnings": self.warnings,
-            "views": self.views.iter().map(ViewReport::json).collect::<Vec<_>>(),
+            "views": self.views.iter().map(ViewFigures::json).collect::<Vec<_>>(),
             "captures": self.captures,
             "skipped": self.skipped,
             "uploads": self.uploads.iter().map(|(n, b)| json!({"name": n, "bytes": b})).collect::<Vec<_>>(),
@@ -303,7 +303,7 @@ impl Report {
         for view in &self.views {
             out += &format!("{}\n", view.line());
         }
-        for line in self.captures.iter().map(CaptureReport::line).chain(self.skipped.iter().cloned()) {
+        for line in self.captures.iter().map(CaptureFigures::line).chain(self.skipped.iter().cloned()) {
             out += &format!("{line}\n");
         }
         if let Some(term) = &self.translucency {

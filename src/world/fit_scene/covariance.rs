@@ -1,15 +1,15 @@
 //! The errors of the numbers, and which of them the pictures do not determine.
 
-use crate::numbers::{Numbers, Quantity};
-use mesophyll_base::solve::decompose::symmetric_eigen;
+use crate::unknowns::{SceneUnknowns, UnknownQuantity};
+use mesophyll_base::solvers::decomposition::symmetric_eigen;
 use nalgebra::DMatrix;
 
 /// Standard errors beyond which a reflectance, or the logarithm of a factor, counts as not determined.
 pub const UNKNOWN: f64 = 0.25;
 
 /// The unit in which a number is uncertain at the start: 1 for a reflectance, its own size for a factor.
-pub fn unit(numbers: &Numbers) -> Vec<f64> {
-    let one = |q: &Quantity| {
+pub fn unit(numbers: &SceneUnknowns) -> Vec<f64> {
+    let one = |q: &UnknownQuantity| {
         let factor = q.is_factor();
         q.at.iter().map(move |v| if factor { v.abs().max(1e-9) } else { 1.0 }).collect::<Vec<f64>>()
     };
@@ -17,7 +17,7 @@ pub fn unit(numbers: &Numbers) -> Vec<f64> {
 }
 
 /// The covariance of the numbers, and why some are not determined.
-pub fn covariance(numbers: &Numbers, normal: &DMatrix<f64>) -> (DMatrix<f64>, Vec<Option<String>>) {
+pub fn covariance(numbers: &SceneUnknowns, normal: &DMatrix<f64>) -> (DMatrix<f64>, Vec<Option<String>>) {
     let (unit, names) = (unit(numbers), names(numbers));
     let n = unit.len();
     let mut out: DMatrix<f64> = DMatrix::zeros(n, n);
@@ -62,6 +62,6 @@ pub fn covariance(numbers: &Numbers, normal: &DMatrix<f64>) -> (DMatrix<f64>, Ve
 }
 
 /// Names of all numbers.
-pub fn names(numbers: &Numbers) -> Vec<String> {
+pub fn names(numbers: &SceneUnknowns) -> Vec<String> {
     numbers.list.iter().flat_map(|q| q.names()).collect()
 }

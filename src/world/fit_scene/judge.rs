@@ -3,14 +3,14 @@
 
 use crate::Result;
 use crate::covariance::{UNKNOWN, names, unit};
-use crate::numbers::Numbers;
-use crate::steps::{Compared, Found, WILD};
-use crate::taken::{By, Shot, Use};
-use mesophyll_base::solve::adequacy::chi2_score;
+use crate::photographs::{PixelUse, ReadingKind, ScenePhotograph};
+use crate::steps::{ReadingComparison, SceneFit, WILD};
+use crate::unknowns::SceneUnknowns;
+use mesophyll_base::solvers::adequacy::chi2_score;
 use mesophyll_files::atomic;
-use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_fits::record::fault::{Fault, Grade};
-use mesophyll_fits::record::{FitRecord, Param, Residuals, Section};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll_fits::record::fault::{FaultGrade, MeasurementFault};
+use mesophyll_fits::record::{FitParameter, FitRecord, RecordSection, ResidualStatistics};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -33,7 +33,7 @@ struct Judged {
 }
 
 impl Judged {
-    fn of<'a>(shots: &[Shot], compared: impl Iterator<Item = &'a Compared>) -> Judged {
+    fn of<'a>(shots: &[ScenePhotograph], compared: impl Iterator<Item = &'a ReadingComparison>) -> Judged {
         let mut out = Judged::default();
         let mut blocks: BTreeMap<[usize; 4], (f64, f64)> = BTreeMap::new();
         for c in compared {
@@ -67,14 +67,20 @@ impl Judged {
 }
 
 /// The section of a record: all numbers, and the verdicts.
-pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut FitRecord) -> Section {
+pub fn section(
+    numbers: &SceneUnknowns,
+    shots: &[ScenePhotograph],
+    found: &SceneFit,
+    record: &mut FitRecord,
+) -> RecordSection {
     let names = names(numbers);
     let (values, units) = (numbers.values(), unit(numbers));
-    let fitted = Judged::of(shots, found.compared.iter().filter(|c| c.of == Use::Fitted));
+    let fitted = Judged::of(shots, found.compared.iter().filter(|c| c.of == PixelUse::Fitted));
     let determined = found.undetermined.iter().filter(|why| why.is_none()).count();
     // A whole picture is not predicted where anything is undetermined that it might show.
-    let predicted = |c: &&Compared| determined == names.len() || shots[c.at[0]].uses.contains(&Use::Fitted);
-    let held = Judged::of(shots, found.compared.iter().filter(|c| c.of == Use::Held).filter(predicted));
+    let predicted =
+        |c: &&ReadingComparison| determined == names.len() || shots[c.at[0]].uses.contains(&PixelUse::Fitted);
+    let held = Judged::of(shots, found.compared.iter().filter(|c| c.of == PixelUse::Held).filter(predicted));
     let (excess, doubted) = fitted.excess(determined, EXCESS);
     let (unseen, missed) = held.excess(0, EXCESS_UNSEEN);
     // Where no number is determined, nothing is claimed that could be wrong.
@@ -82,19 +88,19 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
     let wide = if doubted { excess.sqrt() } else { 1.0 };
     if doubted || missed {
         let worst = if doubted { excess } else { unseen };
-        record.faults.push(Fault {
+        record.faults.push(MeasurementFault {
             name: "scene-model".into(),
-            grade: Grade::Wrong,
+            grade: FaultGrade::Wrong,
             says: format!(
                 "the scene does not explain the pictures: what is left of them is {:.1} times what noise leaves (means \
                  of {BLOCK} x {BLOCK} pixels, or of {BLOCK} directions); geometry, a camera, a light or something that \
                  no unknown covers is not as stated, and the residual pictures show where",
                 worst.sqrt()
             ),
-            ..Fault::default()
+            ..MeasurementFault::default()
         });
     }
-    let mut section = Section::default();
+    let mut section = RecordSection::default();
     for (k, name) in names.iter().enumerate() {
         let loose = wide * found.covariance[(k, k)].sqrt() > UNKNOWN * units[k];
         let loose = loose.then(|| "what the scene does not explain could be due to it".to_string());
@@ -102,11 +108,11 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
         let error = if why.is_some() { f64::INFINITY } else { found.covariance[(k, k)].sqrt() * wide };
         section.params.insert(
             name.clone(),
-            Param {
+            FitParameter {
                 value: vec![values[k]],
                 stderr: vec![error],
                 undetermined: why.into_iter().collect(),
-                ..Param::default()
+                ..FitParameter::default()
             },
         );
     }
@@ -118,13 +124,13 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
         .map(|i| known.iter().map(|j| (c[(*i, *j)] / (c[(*i, *i)] * c[(*j, *j)]).sqrt()).clamp(-1.0, 1.0)).collect())
         .collect();
     section.rank = Some(known.len());
-    let residuals = |judged: Judged, numbers: usize, of: Use| {
+    let residuals = |judged: Judged, numbers: usize, of: PixelUse| {
         let freedom = judged.readings.saturating_sub(numbers).max(1) as f64;
-        let mine: Vec<&Compared> = found.compared.iter().filter(|c| c.of == of).filter(predicted).collect();
+        let mine: Vec<&ReadingComparison> = found.compared.iter().filter(|c| c.of == of).filter(predicted).collect();
         let square: f64 = mine.iter().map(|c| (c.residual * c.error).powi(2)).sum();
         let worst = mine.iter().max_by(|a, b| a.residual.abs().total_cmp(&b.residual.abs()));
         let at = worst.map_or([0, 0], |c| [c.at[1] % shots[c.at[0]].size[0], c.at[1] / shots[c.at[0]].size[0]]);
-        Residuals {
+        ResidualStatistics {
             samples: judged.readings,
             chi2: judged.chi2,
             reduced_chi2: judged.chi2 / freedom,
@@ -133,9 +139,9 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
             worst_at: at,
         }
     };
-    section.residuals.insert("pictures".into(), residuals(fitted, determined, Use::Fitted));
+    section.residuals.insert("pictures".into(), residuals(fitted, determined, PixelUse::Fitted));
     if held.readings > 0 {
-        section.residuals.insert("held_out_pixels".into(), residuals(held, 0, Use::Held));
+        section.residuals.insert("held_out_pixels".into(), residuals(held, 0, PixelUse::Held));
     }
     for (name, value) in [
         ("own_noise_over_measured", found.own_noise),
@@ -152,10 +158,10 @@ pub fn section(numbers: &Numbers, shots: &[Shot], found: &Found, record: &mut Fi
 
 /// Writes, for each table of reflectance factors, what the scene shows and what is left of the readings in standard
 /// errors. Returns the files' names.
-pub fn residual_tables(shots: &[Shot], found: &Found, out: &Path) -> Result<Vec<String>> {
+pub fn residual_tables(shots: &[ScenePhotograph], found: &SceneFit, out: &Path) -> Result<Vec<String>> {
     let mut files = Vec::new();
     for (s, shot) in shots.iter().enumerate() {
-        let By::Directions(toward) = &shot.by else { continue };
+        let ReadingKind::Directions(toward) = &shot.by else { continue };
         let mut rows = vec![[f64::NAN; 6]; toward.len()];
         for c in found.compared.iter().filter(|c| c.at[0] == s) {
             (rows[c.at[1]][c.at[2]], rows[c.at[1]][3 + c.at[2]]) = (c.shown, c.residual);
@@ -175,9 +181,9 @@ pub fn residual_tables(shots: &[Shot], found: &Found, out: &Path) -> Result<Vec<
 
 /// Writes, for each picture, what the scene shows (R, G, B) and what is left of the reading in standard errors
 /// (`residual.R`, …; not a number where a pixel does not count). Returns the files' names.
-pub fn residual_pictures(shots: &[Shot], found: &Found, out: &Path) -> Result<Vec<String>> {
+pub fn residual_pictures(shots: &[ScenePhotograph], found: &SceneFit, out: &Path) -> Result<Vec<String>> {
     let mut files = Vec::new();
-    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| matches!(shot.by, By::Camera(_))) {
+    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| matches!(shot.by, ReadingKind::Camera(_))) {
         let pixels = shot.seen.len();
         let mut planes = vec![vec![f32::NAN; pixels]; 6];
         for c in found.compared.iter().filter(|c| c.at[0] == s) {
@@ -185,7 +191,7 @@ pub fn residual_pictures(shots: &[Shot], found: &Found, out: &Path) -> Result<Ve
             planes[channel][k] = c.shown as f32;
             planes[3 + channel][k] = c.residual as f32;
         }
-        let mut maps = Maps::new(shot.size[0], shot.size[1]);
+        let mut maps = ChannelMaps::new(shot.size[0], shot.size[1]);
         let names = ["R", "G", "B", "residual.R", "residual.G", "residual.B"];
         names.into_iter().zip(planes).for_each(|(name, plane)| maps.push(name, plane));
         let file = format!("residual-{}.exr", shot.name);

@@ -11,28 +11,28 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod covariance;
-mod drawn;
 mod judge;
-pub mod made_up;
-mod numbers;
+mod photographs;
+mod pictures;
 mod scene_file;
 mod steps;
-mod taken;
+pub mod synthetic;
 #[cfg(test)]
 mod tests;
+mod unknowns;
 
 pub(crate) use mesophyll_base::error::{Error, Result};
 use mesophyll_files::{atomic, hash, memory};
-use mesophyll_fits::record::maker::{self, Maker, Outcome};
-use mesophyll_fits::record::{FitKind, FitRecord, Section};
+use mesophyll_fits::record::maker::{self, FitMaker, FitOutcome};
+use mesophyll_fits::record::{FitKind, FitRecord, RecordSection};
 use mesophyll_scene::draw::reference;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport::path::Canopy;
-use numbers::Numbers;
+use photographs::ScenePhotograph;
 use std::path::{Path, PathBuf};
-use taken::Shot;
+use unknowns::SceneUnknowns;
 
 /// The options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,10 +57,10 @@ pub const TRACE: &str = "trace.csv";
 /// # Errors
 /// [`Error::Input`] for tables or pictures that cannot be used, before anything is drawn; [`Error::Interrupted`] after
 /// a stop; what [`maker::make`] gives.
-pub fn run(scene: &Scene, out: &Path, options: &Options, ledger: &Ledger) -> Result<Outcome> {
+pub fn run(scene: &LoadedScene, out: &Path, options: &Options, ledger: &Ledger) -> Result<FitOutcome> {
     let manifest = &scene.manifest;
     manifest.require_pictures()?;
-    let shots = taken::read(manifest)?;
+    let shots = photographs::read(manifest)?;
     let world = reference::traced(scene, manifest.rest_time(), ledger)?;
     if !manifest.factors.is_empty() {
         Canopy::new(&world, options.seed).map_err(|what| Error::input(&manifest.path, what))?;
@@ -73,7 +73,7 @@ pub fn run(scene: &Scene, out: &Path, options: &Options, ledger: &Ledger) -> Res
     let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
     groups.sort();
     groups.dedup();
-    let numbers = Numbers::new(scene, world, &groups)?;
+    let numbers = SceneUnknowns::new(scene, world, &groups)?;
     // Two pictures of all derivatives, the same as a list, and the readings.
     let pixels: usize = shots.iter().map(|shot| shot.seen.len()).sum();
     let bytes = pixels as u64 * (120 * numbers.list.len() as u64 + 400);
@@ -91,13 +91,13 @@ pub fn run(scene: &Scene, out: &Path, options: &Options, ledger: &Ledger) -> Res
 }
 
 fn fit(
-    manifest: &Manifest,
-    mut numbers: Numbers,
-    mut shots: Vec<Shot>,
+    manifest: &SceneManifest,
+    mut numbers: SceneUnknowns,
+    mut shots: Vec<ScenePhotograph>,
     hash: &str,
     options: &Options,
-    maker: &mut Maker,
-) -> Result<Outcome> {
+    maker: &mut FitMaker,
+) -> Result<FitOutcome> {
     if let Some(found) = maker.up_to_date(hash.to_string(), options.force)? {
         return Ok(found);
     }
@@ -125,11 +125,11 @@ fn fit(
         record.files.insert(file.clone(), hash::file(&out.join(file))?);
     }
     maker.finish(&record)?;
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }
 
 /// The hash of everything that decides a fit: the scene's text, and every file that it names.
-fn input_hash(manifest: &Manifest, options: &Options) -> Result<String> {
+fn input_hash(manifest: &SceneManifest, options: &Options) -> Result<String> {
     let mut told = format!("{} {}", options.samples, options.seed);
     for file in scene_file::named(manifest)? {
         // Of a folder, such as a fit, the record says what is in it.
@@ -138,14 +138,14 @@ fn input_hash(manifest: &Manifest, options: &Options) -> Result<String> {
             told += &format!(" {}", hash::file(&file)?);
         }
     }
-    let scene = mesophyll_files::whole::text(&manifest.path)?;
+    let scene = mesophyll_files::whole_file::text(&manifest.path)?;
     Ok(maker::input_hash([("method", METHOD), ("scene", scene.as_str()), ("files", told.as_str())]))
 }
 
 /// A summary of a fit for people: each number with its error.
 pub fn summary(record: &FitRecord) -> String {
     let mut text = String::new();
-    let none = Section::default();
+    let none = RecordSection::default();
     let section = record.sections.get("all").unwrap_or(&none);
     for (name, param) in &section.params {
         let (value, error) = (param.value.first().copied().unwrap_or(f64::NAN), param.stderr.first());

@@ -1,9 +1,9 @@
 //! The scene with what was found, as a file that other verbs take.
 
-use crate::numbers::{Kind, Numbers};
+use crate::unknowns::{SceneUnknowns, UnknownKind};
 use crate::{Error, Result};
-use mesophyll_files::whole;
-use mesophyll_scene::manifest::Manifest;
+use mesophyll_files::whole_file;
+use mesophyll_scene::manifest::SceneManifest;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -12,34 +12,34 @@ use toml::{Table, Value};
 ///
 /// # Errors
 /// A scene file that can no longer be read.
-pub fn found(manifest: &Manifest, numbers: &Numbers, out: &Path) -> Result<String> {
-    let text = whole::text(&manifest.path)?;
+pub fn found(manifest: &SceneManifest, numbers: &SceneUnknowns, out: &Path) -> Result<String> {
+    let text = whole_file::text(&manifest.path)?;
     let mut table: Table = toml::from_str(&text).map_err(|e| Error::toml(&manifest.path, &text, &e))?;
     ["picture", "unknown", "brf"].iter().for_each(|key| drop(table.remove(*key)));
     let index = |k: usize| numbers.leaf_name(k);
     for q in &numbers.list {
         let numbers = Value::Array(q.at.iter().map(|v| Value::Float(*v)).collect());
         match &q.kind {
-            Kind::RhoD(leaf, back) => {
+            UnknownKind::RhoD(leaf, back) => {
                 if let Some(Value::Array(both)) = uniform(&mut table, &index(*leaf)).and_then(|u| u.get_mut("rho_d"))
                     && let Some(side) = both.get_mut(usize::from(*back))
                 {
                     *side = numbers;
                 }
             }
-            Kind::RhoDBoth(leaf) => {
+            UnknownKind::RhoDBoth(leaf) => {
                 let both = Value::Array(vec![numbers.clone(), numbers]);
                 set(uniform(&mut table, &index(*leaf)), "rho_d", both);
             }
-            Kind::RhoT(leaf) => set(uniform(&mut table, &index(*leaf)), "rho_t", numbers),
-            Kind::RhoS(leaf) => set(uniform(&mut table, &index(*leaf)), "rho_s", numbers),
-            Kind::Slope(leaf) => set(uniform(&mut table, &index(*leaf)), "m", Value::Float(q.at[0])),
-            Kind::Ground(_) => set(table.get_mut("ground").and_then(Value::as_table_mut), "albedo", numbers),
-            Kind::Sun => set(table.get_mut("sun").and_then(Value::as_table_mut), "irradiance", numbers),
-            Kind::Turbidity => {
+            UnknownKind::RhoT(leaf) => set(uniform(&mut table, &index(*leaf)), "rho_t", numbers),
+            UnknownKind::RhoS(leaf) => set(uniform(&mut table, &index(*leaf)), "rho_s", numbers),
+            UnknownKind::Slope(leaf) => set(uniform(&mut table, &index(*leaf)), "m", Value::Float(q.at[0])),
+            UnknownKind::Ground(_) => set(table.get_mut("ground").and_then(Value::as_table_mut), "albedo", numbers),
+            UnknownKind::Sun => set(table.get_mut("sun").and_then(Value::as_table_mut), "irradiance", numbers),
+            UnknownKind::Turbidity => {
                 set(table.get_mut("sky").and_then(Value::as_table_mut), "turbidity", Value::Float(q.at[0]));
             }
-            Kind::SkyScale => {
+            UnknownKind::SkyScale => {
                 let sky = table.get_mut("sky").and_then(Value::as_table_mut);
                 if let Some(sky) = sky {
                     match sky.get_mut("radiance").and_then(Value::as_array_mut) {
@@ -51,7 +51,7 @@ pub fn found(manifest: &Manifest, numbers: &Numbers, out: &Path) -> Result<Strin
                     }
                 }
             }
-            Kind::Exposure(_) => {}
+            UnknownKind::Exposure(_) => {}
         }
     }
     table.iter_mut().for_each(|(key, value)| {
@@ -83,8 +83,8 @@ const FILES: [&str; 9] = ["mesh", "positions", "discs", "environment", "grow", "
 ///
 /// # Errors
 /// A scene file that can no longer be read.
-pub fn named(manifest: &Manifest) -> Result<Vec<PathBuf>> {
-    let text = whole::text(&manifest.path)?;
+pub fn named(manifest: &SceneManifest) -> Result<Vec<PathBuf>> {
+    let text = whole_file::text(&manifest.path)?;
     let mut table: Table = toml::from_str(&text).map_err(|e| Error::toml(&manifest.path, &text, &e))?;
     let mut out = Vec::new();
     table.iter_mut().for_each(|(key, value)| files(manifest, key, value, &mut |_, path| out.push(path.to_path_buf())));
@@ -92,7 +92,7 @@ pub fn named(manifest: &Manifest) -> Result<Vec<PathBuf>> {
 }
 
 /// Calls `f` with every text that names an existing file or folder beside the scene, and with that.
-fn files(manifest: &Manifest, key: &str, value: &mut Value, f: &mut impl FnMut(&mut String, &Path)) {
+fn files(manifest: &SceneManifest, key: &str, value: &mut Value, f: &mut impl FnMut(&mut String, &Path)) {
     match value {
         // Names have neither dots nor slashes.
         Value::String(text) if FILES.contains(&key) || text.contains(['.', '/']) => {

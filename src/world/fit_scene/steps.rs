@@ -11,14 +11,14 @@
 //! than noise makes them, as many paths are followed as make the pictures' own noise a third of the measurement's.
 
 use crate::covariance::{covariance, unit};
-use crate::drawn::{draw, exposure, exposure_of, is_fitted, rounds, variances};
-use crate::numbers::{Kind, Numbers};
-use crate::taken::{Shot, Use};
+use crate::photographs::{PixelUse, ScenePhotograph};
+use crate::pictures::{draw, exposure, exposure_of, is_fitted, rounds, variances};
+use crate::unknowns::{SceneUnknowns, UnknownKind};
 use crate::{Options, Result};
-use mesophyll_base::solve::decompose::symmetric_eigen;
-use mesophyll_base::solve::{Termination, TraceRow};
-use mesophyll_files::progress::{self, Bar};
-use mesophyll_transport::path::slopes::{Of, Sheet};
+use mesophyll_base::solvers::decomposition::symmetric_eigen;
+use mesophyll_base::solvers::{Termination, TraceRow};
+use mesophyll_files::progress::{self, TaskProgress};
+use mesophyll_transport::path::slopes::{DerivativePicture, RadianceParameter};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -50,7 +50,7 @@ const ALONE: usize = 2;
 
 /// One reading, compared with the picture.
 #[derive(Debug, Clone, Copy)]
-pub struct Compared {
+pub struct ReadingComparison {
     /// Index of the picture, of its pixel, and the channel.
     pub at: [usize; 3],
     /// Reading less picture, over the standard error of both.
@@ -62,17 +62,17 @@ pub struct Compared {
     /// What the picture shows.
     pub shown: f64,
     /// What the reading is used for.
-    pub of: Use,
+    pub of: PixelUse,
 }
 
 /// The end of the search.
-pub struct Found {
+pub struct SceneFit {
     /// Covariance of the numbers, of those that are determined; infinite on the diagonal of others.
     pub covariance: DMatrix<f64>,
     /// Why each number is not determined.
     pub undetermined: Vec<Option<String>>,
     /// Readings compared with the last step's pictures, moved by that step, and held-out pictures with their own.
-    pub compared: Vec<Compared>,
+    pub compared: Vec<ReadingComparison>,
     /// Why the search ended.
     pub termination: Termination,
     /// One row a step.
@@ -94,14 +94,14 @@ struct Normal {
     /// Median of own noise over the measurement's.
     own: f64,
     /// Every reading of the pictures that were drawn.
-    compared: Vec<Compared>,
+    compared: Vec<ReadingComparison>,
     /// How what is shown depends on the numbers: a reading, a number, the derivative.
     slopes: Vec<(usize, usize, f64)>,
 }
 
 impl Normal {
     /// The readings compared with what would be shown after a step.
-    fn after(mut self, step: &[f64]) -> Vec<Compared> {
+    fn after(mut self, step: &[f64]) -> Vec<ReadingComparison> {
         for (k, number, slope) in self.slopes {
             let more = slope * step[number];
             let reading = &mut self.compared[k];
@@ -116,10 +116,10 @@ impl Normal {
 ///
 /// # Errors
 /// A stop that was asked for, and those of the scene's light.
-pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Result<Found> {
+pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options: &Options) -> Result<SceneFit> {
     let clock = Instant::now();
     let (_, n) = numbers.places();
-    let bar = Bar::of("steps");
+    let bar = TaskProgress::of("steps");
     let (mut paths, mut seed, mut trace) = (PATHS.min(options.samples), options.seed, Vec::new());
     let (mut termination, mut wild) = (Termination::IterationLimit, None);
     let (mut last, mut since, mut stepped) = (None, 0, Vec::new());
@@ -183,13 +183,13 @@ pub fn find(numbers: &mut Numbers, shots: &mut [Shot], options: &Options) -> Res
     let wild = wild.unwrap_or(0);
     let own_noise = normal.own;
     compared.extend(normal.after(&stepped));
-    Ok(Found { covariance, undetermined, compared, termination, trace, paths, own_noise, wild })
+    Ok(SceneFit { covariance, undetermined, compared, termination, trace, paths, own_noise, wild })
 }
 
-fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<Normal> {
+fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: u64) -> Result<Normal> {
     let (first, n) = numbers.places();
     let slopes = numbers.slopes()?;
-    let of: Vec<Of> = slopes.iter().map(|(_, of)| of.clone()).collect();
+    let of: Vec<RadianceParameter> = slopes.iter().map(|(_, of)| of.clone()).collect();
     let [rounds, each] = rounds(paths);
     let (a, one, two) = (
         draw(numbers, shots, is_fitted, &[], [2 * rounds, each], seed)?,
@@ -197,7 +197,7 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
         draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 2)?,
     );
     let compared = compared(numbers, shots, is_fitted, &a, [&one, &two], rounds);
-    let fitted = || compared.iter().filter(|c| c.of == Use::Fitted);
+    let fitted = || compared.iter().filter(|c| c.of == PixelUse::Fitted);
     let (chi2, count) = (fitted().map(|c| c.residual * c.residual).sum(), fitted().count());
     let own = median(fitted().map(|c| c.own).collect()).unwrap_or(0.0);
     // The median over that of a normal distribution.
@@ -212,7 +212,7 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
         row.clear();
         for (j, (q, _)) in slopes.iter().enumerate() {
             let number = first[*q] + if numbers.list[*q].at.len() > 1 { c } else { 0 };
-            let slope = |sheet: &Sheet| factor * sheet.slopes[k * of.len() + j][c];
+            let slope = |sheet: &DerivativePicture| factor * sheet.slopes[k * of.len() + j][c];
             let (p, q) = (slope(&one[s]), slope(&two[s]));
             if p != 0.0 || q != 0.0 {
                 row.push((number, p, q));
@@ -222,7 +222,7 @@ fn normal(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<No
             row.push((first[q], one[s].mean[k][c], two[s].mean[k][c]));
         }
         by.extend(row.iter().map(|(number, p, q)| (place, *number, 0.5 * (p + q))));
-        if reading.of != Use::Fitted {
+        if reading.of != PixelUse::Fitted {
             continue;
         }
         let weight = (limit / reading.residual.abs()).min(1.0) / (reading.error * reading.error);
@@ -244,18 +244,18 @@ fn median(mut all: Vec<f64>) -> Option<f64> {
 /// The readings of the shots that `wanted` chooses, compared with `shown`. Two pictures of half as many paths give the
 /// variances.
 fn compared(
-    numbers: &Numbers,
-    shots: &[Shot],
-    wanted: impl Fn(&Shot) -> bool,
-    shown: &[Sheet],
-    [one, two]: [&[Sheet]; 2],
+    numbers: &SceneUnknowns,
+    shots: &[ScenePhotograph],
+    wanted: impl Fn(&ScenePhotograph) -> bool,
+    shown: &[DerivativePicture],
+    [one, two]: [&[DerivativePicture]; 2],
     rounds: u32,
-) -> Vec<Compared> {
+) -> Vec<ReadingComparison> {
     let mut out = Vec::new();
     for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| wanted(shot)) {
         let factor = exposure(numbers, shot);
         let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
-        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != Use::Out) {
+        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != PixelUse::Out) {
             let [measured, own] = variances[k];
             for c in 0..3 {
                 let (error, shown) = ((measured[c] + own[c]).sqrt(), factor * shown[s].mean[k][c]);
@@ -263,7 +263,7 @@ fn compared(
                 // Where nothing is seen, nothing is learnt.
                 if residual.is_finite() && (shot.seen[k][c] != 0.0 || shown != 0.0) {
                     let own = (own[c] / measured[c]).sqrt();
-                    out.push(Compared { at: [s, k, c], residual, error, own, shown, of: shot.uses[k] });
+                    out.push(ReadingComparison { at: [s, k, c], residual, error, own, shown, of: shot.uses[k] });
                 }
             }
         }
@@ -273,7 +273,7 @@ fn compared(
 
 /// The step, and standard errors as far as they are known yet. A weak pull of one unit keeps what no picture shows
 /// where it is. Where ρd and ρt would be more than 1 together, their sum is held there, and all other numbers follow.
-fn step(numbers: &Numbers, normal: &Normal) -> (Vec<f64>, Vec<f64>) {
+fn step(numbers: &SceneUnknowns, normal: &Normal) -> (Vec<f64>, Vec<f64>) {
     let (unit, before) = (unit(numbers), numbers.values());
     let (mut matrix, mut gradient) = (normal.matrix.clone(), normal.gradient.clone());
     (0..unit.len()).for_each(|k| matrix[(k, k)] += 1.0 / (unit[k] * unit[k]));
@@ -319,7 +319,7 @@ fn solved(matrix: &DMatrix<f64>, gradient: &DVector<f64>, unit: &[f64]) -> (Vec<
 }
 
 /// The numbers after a step, shortened where they would leave their limits or change much at once.
-fn moved(numbers: &Numbers, before: &[f64], step: &[f64]) -> Vec<f64> {
+fn moved(numbers: &SceneUnknowns, before: &[f64], step: &[f64]) -> Vec<f64> {
     let mut out = Vec::with_capacity(before.len());
     for q in &numbers.list {
         for channel in 0..q.at.len() {
@@ -333,13 +333,13 @@ fn moved(numbers: &Numbers, before: &[f64], step: &[f64]) -> Vec<f64> {
 }
 
 /// Places of ρd and ρt of each side and channel where both are unknown.
-fn sums(numbers: &Numbers) -> Vec<[usize; 2]> {
+fn sums(numbers: &SceneUnknowns) -> Vec<[usize; 2]> {
     let (first, _) = numbers.places();
     let all = || numbers.list.iter().zip(&first);
-    let through = |leaf: usize| all().find(|(q, _)| q.kind == Kind::RhoT(leaf)).map(|(_, first)| *first);
+    let through = |leaf: usize| all().find(|(q, _)| q.kind == UnknownKind::RhoT(leaf)).map(|(_, first)| *first);
     all()
         .filter_map(|(q, first)| match q.kind {
-            Kind::RhoD(leaf, _) | Kind::RhoDBoth(leaf) => Some((*first, through(leaf)?)),
+            UnknownKind::RhoD(leaf, _) | UnknownKind::RhoDBoth(leaf) => Some((*first, through(leaf)?)),
             _ => None,
         })
         .flat_map(|(d, t)| [0, 1, 2].map(|c| [d + c, t + c]))
@@ -347,7 +347,7 @@ fn sums(numbers: &Numbers) -> Vec<[usize; 2]> {
 }
 
 /// ρd and ρt of a side are at most 1 together: what both are too large by is taken from both.
-fn keep_energy(numbers: &Numbers, values: &mut [f64]) {
+fn keep_energy(numbers: &SceneUnknowns, values: &mut [f64]) {
     for [d, t] in sums(numbers) {
         let sum = values[d] + values[t];
         if sum > 1.0 {
@@ -357,8 +357,13 @@ fn keep_energy(numbers: &Numbers, values: &mut [f64]) {
 }
 
 /// The readings of pictures that are kept from the fit as a whole.
-fn held_out(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<Vec<Compared>> {
-    let all = |shot: &Shot| !is_fitted(shot);
+fn held_out(
+    numbers: &SceneUnknowns,
+    shots: &[ScenePhotograph],
+    paths: u32,
+    seed: u64,
+) -> Result<Vec<ReadingComparison>> {
+    let all = |shot: &ScenePhotograph| !is_fitted(shot);
     let [rounds, each] = rounds(paths);
     let shown = draw(numbers, shots, all, &[], [2 * rounds, each], seed)?;
     let one = draw(numbers, shots, all, &[], [rounds, each], seed + 7)?;
@@ -368,7 +373,7 @@ fn held_out(numbers: &Numbers, shots: &[Shot], paths: u32, seed: u64) -> Result<
 
 /// Marks pixels with wild readings, where they are few and stand alone, and returns how many these are. What neighbours
 /// share is no accident of a pixel.
-fn leave_out(shots: &mut [Shot], compared: &[Compared]) -> usize {
+fn leave_out(shots: &mut [ScenePhotograph], compared: &[ReadingComparison]) -> usize {
     let far: BTreeSet<[usize; 2]> =
         compared.iter().filter(|c| c.residual.abs() > WILD).map(|c| [c.at[0], c.at[1]]).collect();
     let alone = |at: &&[usize; 2]| {
@@ -380,11 +385,11 @@ fn leave_out(shots: &mut [Shot], compared: &[Compared]) -> usize {
         inside.filter(|(i, j)| far.contains(&[s, (j * w + i) as usize])).count() <= ALONE
     };
     let wild: Vec<[usize; 2]> = far.iter().filter(alone).copied().collect();
-    let wild: Vec<[usize; 2]> = wild.into_iter().filter(|[s, k]| shots[*s].uses[*k] != Use::Out).collect();
-    let all = shots.iter().flat_map(|s| &s.uses).filter(|of| **of != Use::Out).count();
+    let wild: Vec<[usize; 2]> = wild.into_iter().filter(|[s, k]| shots[*s].uses[*k] != PixelUse::Out).collect();
+    let all = shots.iter().flat_map(|s| &s.uses).filter(|of| **of != PixelUse::Out).count();
     if wild.len() as f64 > FEW * all as f64 {
         return 0;
     }
-    wild.iter().for_each(|[s, k]| shots[*s].uses[*k] = Use::Wild);
+    wild.iter().for_each(|[s, k]| shots[*s].uses[*k] = PixelUse::Wild);
     wild.len()
 }

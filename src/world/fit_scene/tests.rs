@@ -1,15 +1,15 @@
 //! Scenes of a few leaves, drawn by the path tracer with noise, and found again.
 
-use super::made_up::{BOTH, START, TRUTH, opened, photograph, scene};
+use super::synthetic::{BOTH, START, TRUTH, opened, photograph, scene};
 use super::*;
-use mesophyll_fits::record::maker::Outcome;
+use mesophyll_fits::record::maker::FitOutcome;
 use std::fmt::Write;
 
 fn fitted(folder: &Path, text: &str) -> FitRecord {
     let scene = opened(folder, text).unwrap();
     let options = Options { samples: 128, seed: 5, force: true };
     match run(&scene, &folder.join("fit"), &options, &Ledger::new()).unwrap() {
-        Outcome::Done(record) => *record,
+        FitOutcome::Done(record) => *record,
         other => panic!("{other:?}"),
     }
 }
@@ -25,7 +25,7 @@ fn numbers_are_found_from_values_that_are_wrong_by_a_factor_of_two() {
     let names = ["leaf.a.front.rho_d", "leaf.a.back.rho_d", "leaf.a.rho_t", "ground.albedo"];
     let (mut inside, mut all) = (0, 0);
     for (name, truth) in names.iter().zip(TRUTH) {
-        for (channel, truth) in numbers::CHANNELS.iter().zip(truth) {
+        for (channel, truth) in unknowns::CHANNELS.iter().zip(truth) {
             let param = &params[&format!("{name}.{channel}")];
             let z = (param.value[0] - truth) / param.stderr[0];
             assert!(z.abs() < 4.0 && param.stderr[0] < 0.05 * truth, "{name}.{channel}: {param:?}, {truth} is true");
@@ -37,7 +37,7 @@ fn numbers_are_found_from_values_that_are_wrong_by_a_factor_of_two() {
     // What no picture shows is said to be undetermined.
     assert!(params["leaf.b.front.rho_d.G"].undetermined[0].ends_with("the pictures hardly depend on it"));
     // The scene that was written is one that other verbs take, with the numbers that were found.
-    let found = Manifest::read(&folder.path().join("fit").join(SCENE)).unwrap();
+    let found = SceneManifest::read(&folder.path().join("fit").join(SCENE)).unwrap();
     let albedo = found.ground.unwrap().albedo;
     assert_eq!(albedo[1], params["ground.albedo.G"].value[0]);
     assert!(found.taken.is_empty() && found.unknown.is_none());
@@ -131,7 +131,7 @@ fn reflectance_factors_of_a_canopy_give_leaves_and_ground() {
     let record = fitted(folder.path(), &canopy(START, tables));
     let params = &record.sections["all"].params;
     for (name, truth) in [("leaf.a.front.rho_d", TRUTH[0]), ("ground.albedo", TRUTH[3])] {
-        for (channel, truth) in numbers::CHANNELS.iter().zip(truth) {
+        for (channel, truth) in unknowns::CHANNELS.iter().zip(truth) {
             let param = &params[&format!("{name}.{channel}")];
             let z = (param.value[0] - truth) / param.stderr[0];
             assert!(param.undetermined.is_empty() && z.abs() < 4.0, "{name}.{channel}: {param:?}, {truth} is true");
@@ -160,15 +160,15 @@ fn geometry_belongs_to_a_fit_and_a_bright_patch_accuses_the_scene() {
         run(&scene, &folder.path().join("fit"), &Options { samples: 64, seed: 5, force: false }, &Ledger::new())
             .unwrap()
     };
-    let Outcome::Done(record) = fit() else { panic!("not fitted") };
+    let FitOutcome::Done(record) = fit() else { panic!("not fitted") };
     assert_eq!(record.faults[0].name, "scene-model");
-    assert!(matches!(fit(), Outcome::UpToDate(_)));
+    assert!(matches!(fit(), FitOutcome::UpToDate(_)));
     let named = scene_file::named(&opened(folder.path(), &text).unwrap().manifest).unwrap();
     assert!(named.iter().any(|file| file.ends_with("blade.gltf")) && named.iter().any(|f| f.ends_with("across.exr")));
-    let changed = made_up::blade().replace(r#""asset":{"#, r#""asset":{"generator":"other","#);
+    let changed = synthetic::blade().replace(r#""asset":{"#, r#""asset":{"generator":"other","#);
     let before =
         input_hash(&opened(folder.path(), &text).unwrap().manifest, &Options { samples: 64, seed: 5, force: false });
     std::fs::write(folder.path().join("blade.gltf"), changed).unwrap();
-    let manifest = Manifest::read(&folder.path().join("scene.toml")).unwrap();
+    let manifest = SceneManifest::read(&folder.path().join("scene.toml")).unwrap();
     assert_ne!(before.unwrap(), input_hash(&manifest, &Options { samples: 64, seed: 5, force: false }).unwrap());
 }

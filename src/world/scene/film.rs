@@ -5,12 +5,12 @@
 //! states what they show.
 
 use crate::draw::handover;
-use crate::loaded::Scene;
+use crate::loaded::LoadedScene;
+use crate::path_tracing::{made_from, views};
 use crate::placed::ledger::Ledger;
-use crate::traced::{made_from, views};
 use crate::{Error, Result};
-use mesophyll_files::image::{self, Maps, Packing};
-use mesophyll_files::progress::{self, Bar};
+use mesophyll_files::image::{self, ChannelMaps, Packing};
+use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_files::{atomic, hash, memory};
 use mesophyll_viewer as viewer;
 use serde::{Deserialize, Serialize};
@@ -46,7 +46,7 @@ const MOST_FRAMES: f64 = 100_000.0;
 
 /// The content of a folder of frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Film {
+pub struct SceneFilm {
     /// The scene's name.
     pub film: String,
     /// The view's name.
@@ -63,7 +63,7 @@ pub struct Film {
     pub made_from: String,
 }
 
-impl Film {
+impl SceneFilm {
     /// The file of frame `k`.
     pub fn frame(&self, folder: &Path, k: u32) -> PathBuf {
         folder.join(format!("frame-{k:05}.png"))
@@ -87,7 +87,7 @@ impl Film {
 /// [`Error::Usage`] for a scene where nothing moves, times that are out of order, a view that the scene does not have,
 /// or a folder that holds frames of another film (unless [`Options::force`]); [`Error::Missed`] without an adapter;
 /// [`Error::Interrupted`] after Ctrl-C, when all finished frames have been written.
-pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Film, u32)> {
+pub fn film(scene: &mut LoadedScene, options: &Options, ledger: &Ledger) -> Result<(SceneFilm, u32)> {
     let drawn_by = |e: viewer::Error| {
         // Drivers that find too little memory are not found themselves.
         let hint = if matches!(e, viewer::Error::NoAdapter) { memory::hint() } else { String::new() };
@@ -119,7 +119,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     let between = scene.transfer.as_ref().map_or("", |t| &t.record.record_hash);
     let made_from = made_from(scene, &view)?;
     let lawns = lawns(scene)?;
-    let film = Film {
+    let film = SceneFilm {
         film: scene.manifest.name.clone(),
         view: view.name.clone(),
         size: [width, height],
@@ -146,7 +146,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
     renderer.set_scene(&drawn).map_err(drawn_by)?;
     let camera = handover::camera(&view);
     progress::say(format!("drawn by {} ({}, {})", adapter.name, adapter.backend, adapter.driver));
-    let bar = Bar::new(format!("film {}", film.film), u64::from(frames));
+    let bar = TaskProgress::new(format!("film {}", film.film), u64::from(frames));
     let mut kept = 0;
     for k in 0..frames {
         let file = film.frame(&options.out, k);
@@ -180,7 +180,7 @@ pub fn film(scene: &mut Scene, options: &Options, ledger: &Ledger) -> Result<(Fi
             let moved = renderer.motion(&drawn, &camera, &camera, before.as_ref(), width, height).map_err(drawn_by)?;
             let axis = |c: usize| moved.iter().map(|m| m.map_or(f32::NAN, |m| m[c])).collect::<Vec<f32>>();
             let channels = vec![("motion.X".to_string(), axis(0)), ("motion.Y".to_string(), axis(1))];
-            let maps = Maps { width: width as usize, height: height as usize, channels };
+            let maps = ChannelMaps { width: width as usize, height: height as usize, channels };
             image::write_exr(&vectors, &maps, Packing::Zip)?;
         }
         let picture = renderer.render(&camera, film.size[0], film.size[1]).map_err(drawn_by)?;
@@ -215,16 +215,16 @@ impl Options {
 }
 
 /// The record of every fit of slices, by the lawn's name. Only films use slices; path-traced pictures show the blades.
-fn lawns(scene: &Scene) -> Result<Vec<(&str, String)>> {
+fn lawns(scene: &LoadedScene) -> Result<Vec<(&str, String)>> {
     let manifest = &scene.manifest;
     let fitted = manifest.grass.iter().filter_map(|g| Some((g.name.as_str(), manifest.resolve(g.fit.as_ref()?))));
     fitted.map(|(name, fit)| Ok((name, hash::file(&fit.join("fit.toml"))?))).collect()
 }
 
 /// Writes the record of a new film, or accepts that of the same film.
-fn claim_frames(film: &Film, options: &Options) -> Result<()> {
+fn claim_frames(film: &SceneFilm, options: &Options) -> Result<()> {
     let record = options.out.join(RECORD);
-    let there: Option<Film> = match std::fs::read(&record) {
+    let there: Option<SceneFilm> = match std::fs::read(&record) {
         Ok(_) if options.force => None,
         Ok(bytes) => Some(serde_json::from_slice(&bytes).map_err(|e| {
             Error::input(&record, format!("not the record of a film ({e}); give --force to draw anew"))
@@ -235,7 +235,7 @@ fn claim_frames(film: &Film, options: &Options) -> Result<()> {
     };
     match there {
         // A film with the same pictures and another length: a longer film continues a shorter one.
-        Some(there) if Film { frames: film.frames, ..there.clone() } == *film => {}
+        Some(there) if SceneFilm { frames: film.frames, ..there.clone() } == *film => {}
         Some(there) if has_frames(&options.out) => {
             return Err(Error::Usage(format!(
                 "{}: holds {} frames of another film (view {}, from {} s, {} a second, {}×{} pixels) or of a scene, \

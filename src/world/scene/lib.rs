@@ -13,9 +13,9 @@ pub mod draw;
 pub mod film;
 pub mod loaded;
 pub mod manifest;
+pub mod path_tracing;
 pub mod placed;
 pub mod plan;
-pub mod traced;
 pub mod transfer;
 #[cfg(feature = "render")]
 pub mod web;

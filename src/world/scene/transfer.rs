@@ -3,18 +3,18 @@
 //! A transfer belongs to the scene at rest. Leaves that sway in the wind keep the light that they get at rest.
 
 use crate::draw::reference;
-use crate::loaded::Scene;
-use crate::manifest::{Manifest, ViewKind};
+use crate::loaded::LoadedScene;
+use crate::manifest::{SceneManifest, ViewKind};
 use crate::placed::daylight::sun_directions;
 use crate::placed::ledger::Ledger;
-use crate::plan::between::{ball, unseen, views_decide};
 use crate::plan::levels;
+use crate::plan::transfer::{ball, unseen, views_decide};
 use crate::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_fits::record::maker::Outcome;
-use mesophyll_fits::transfer::{self as fit, Options, Transfer};
-use mesophyll_transport::World;
-use mesophyll_transport::transfer::{Columns, Method};
+use mesophyll_fits::record::maker::FitOutcome;
+use mesophyll_fits::transfer::{self as fit, Options, TransferFit};
+use mesophyll_transport::ReferenceWorld;
+use mesophyll_transport::transfer::{TransferColumns, TransferMethod};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -26,12 +26,12 @@ pub(crate) const GLOSS_BANDS: usize = 7;
 const HIDEABLE: f64 = 16.0;
 
 /// The options of the scene's transfer; `None` where its plan has none.
-pub fn options(scene: &Scene) -> Option<Options> {
+pub fn options(scene: &LoadedScene) -> Option<Options> {
     let (asked, between) = (scene.manifest.transfer.as_ref()?, scene.plan.light.between?);
-    let columns = between.bands.map_or(Columns::Light, Columns::Harmonics);
+    let columns = between.bands.map_or(TransferColumns::Light, TransferColumns::Harmonics);
     let gloss_bands = match columns {
-        Columns::Harmonics(bands) => bands,
-        Columns::Light => GLOSS_BANDS,
+        TransferColumns::Harmonics(bands) => bands,
+        TransferColumns::Light => GLOSS_BANDS,
     };
     Some(Options {
         method: asked.method,
@@ -48,16 +48,16 @@ pub fn options(scene: &Scene) -> Option<Options> {
 ///
 /// # Errors
 /// As [`reference::world`]; [`Error::Input`] for a leaf that is not fitted yet.
-pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scene> {
+pub fn of(scene: &LoadedScene, options: &Options, ledger: &Ledger) -> Result<fit::TransferScene> {
     let time = scene.manifest.rest_time();
     let world = match options.columns {
-        Columns::Light => reference::traced(scene, time, ledger)?,
-        Columns::Harmonics(_) => reference::unlit(scene, time, ledger)?,
+        TransferColumns::Light => reference::traced(scene, time, ledger)?,
+        TransferColumns::Harmonics(_) => reference::unlit(scene, time, ledger)?,
     };
     let name = scene.manifest.name.clone();
     let leaves = scene.drawn().count();
     let seen = shown(scene, &world, ledger)?;
-    let of = fit::Scene { name, leaves, world: Arc::new(world), seen, sun: None };
+    let of = fit::TransferScene { name, leaves, world: Arc::new(world), seen, sun: None };
     let wanted = scene.manifest.transfer.as_ref().zip(scene.manifest.sun.as_ref());
     match wanted.filter(|_| scene.plan.light.between.is_some_and(|b| b.sun_visibility)) {
         Some((asked, sun)) => {
@@ -69,8 +69,8 @@ pub fn of(scene: &Scene, options: &Options, ledger: &Ledger) -> Result<fit::Scen
 
 /// For each instance, whether a view shows it. An instance is not shown if it lies outside of every picture, or if
 /// other things hide it in all of them. Wood and ground, which come after the leaves, count as shown.
-fn shown(scene: &Scene, world: &World, ledger: &Ledger) -> Result<Vec<bool>> {
-    let Scene { manifest, placed, .. } = scene;
+fn shown(scene: &LoadedScene, world: &ReferenceWorld, ledger: &Ledger) -> Result<Vec<bool>> {
+    let LoadedScene { manifest, placed, .. } = scene;
     if !views_decide(manifest, placed) {
         return Ok(Vec::new());
     }
@@ -96,7 +96,7 @@ fn shown(scene: &Scene, world: &World, ledger: &Ledger) -> Result<Vec<bool>> {
 ///
 /// # Errors
 /// As [`of`] and [`fit::run`]; [`Error::Usage`] for a scene that requests none.
-pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<Outcome> {
+pub fn make(scene: &LoadedScene, out: &Path, force: bool, ledger: &Ledger) -> Result<FitOutcome> {
     let Some(options) = options(scene) else {
         let why = match scene.manifest.transfer {
             Some(_) => "there is none to make: one leaf stands alone",
@@ -115,30 +115,30 @@ pub fn make(scene: &Scene, out: &Path, force: bool, ledger: &Ledger) -> Result<O
 
 /// The folder of a run's own transfer of a scene. A window's light moves, so its transfer is stored beside that of a
 /// check.
-pub fn folder(manifest: &Manifest, bands: Option<usize>, out: &Path) -> PathBuf {
+pub fn folder(manifest: &SceneManifest, bands: Option<usize>, out: &Path) -> PathBuf {
     let bands = bands.map_or(String::new(), |b| format!("-{b}-bands"));
     out.join("fits").join(format!("{}-transfer{bands}", manifest.name))
 }
 
-impl Scene {
+impl LoadedScene {
     /// Makes the scene's transfer by multi-bounce ambient occlusion in a folder below `out`, or reads the one that is
     /// there, and has it take the place of the scene's own.
     ///
     /// # Errors
     /// As [`make`].
     pub fn occlude(&mut self, out: &Path, ledger: &Ledger) -> Result<()> {
-        let Some(options) = options(self).map(|o| Options { method: Method::AmbientOcclusion, ..o }) else {
+        let Some(options) = options(self).map(|o| Options { method: TransferMethod::AmbientOcclusion, ..o }) else {
             return Ok(());
         };
         let of = of(self, &options, ledger)?;
         let folder = out.join("fits").join(format!("{}-occlusion", self.manifest.name));
         fit::run(&of, &[&self.manifest.path], &folder, &options)?;
-        self.transfer = Transfer::open(&folder, &of, &options)?;
+        self.transfer = TransferFit::open(&folder, &of, &options)?;
         Ok(())
     }
 }
 
-impl Scene {
+impl LoadedScene {
     /// Reads the transfer of the scene: the one that the scene names, or the one below `out`. If neither belongs to
     /// this scene, it is made.
     ///
@@ -153,7 +153,7 @@ impl Scene {
         let named = self.manifest.transfer.as_ref().and_then(|t| t.fit.as_ref()).map(|f| self.manifest.resolve(f));
         let own = folder(&self.manifest, self.plan.light.between.and_then(|b| b.bands), out);
         if let Some(place) = &named {
-            self.transfer = Transfer::open(place, &of, &options)?;
+            self.transfer = TransferFit::open(place, &of, &options)?;
             if self.transfer.is_none() {
                 progress::say(format!(
                     "{}: transfer.fit: {} is of another scene, light or setting; another one is made",
@@ -164,7 +164,7 @@ impl Scene {
         }
         if self.transfer.is_none() && own.join("fit.toml").is_file() {
             // A damaged transfer is made again.
-            self.transfer = Transfer::open(&own, &of, &options).unwrap_or(None);
+            self.transfer = TransferFit::open(&own, &of, &options).unwrap_or(None);
         }
         if let Some(found) = &self.transfer {
             let bytes = found.entries.len() as u64 * 8 + found.sun.as_ref().map_or(0, |s| s.maps.bytes() as u64);
@@ -173,7 +173,7 @@ impl Scene {
         }
         let name = format!("{} transfer", self.manifest.name);
         ledger.note("fit", name, 0, || fit::run(&of, &[&self.manifest.path], &own, &options))?;
-        self.transfer = Transfer::open(&own, &of, &options)?;
+        self.transfer = TransferFit::open(&own, &of, &options)?;
         Ok(())
     }
 }

@@ -1,15 +1,15 @@
 //! A scene as one file for the viewer in a browser.
 
 use crate::draw::handover;
-use crate::loaded::Scene;
-use crate::manifest::{Interior, Manifest, ViewKind};
+use crate::loaded::LoadedScene;
+use crate::manifest::{InteriorSource, SceneManifest, ViewKind};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Sides;
 use mesophyll_transport::environment::Environment;
 use mesophyll_viewer::ball_around;
-use mesophyll_web::bundle::{Bundle, LeafSlabs, SideSlab, Still, View};
+use mesophyll_web::bundle::{Bundle, BundleView, LeafSlabs, SideSlab, StillSections};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ const SKY: usize = 1024;
 ///
 /// # Errors
 /// [`Error::Input`] where a map or a picture cannot be read, or where the scene has no perspective view.
-pub fn bundle(scene: &Scene, pictures: &Path, ledger: &Ledger) -> Result<Bundle> {
+pub fn bundle(scene: &LoadedScene, pictures: &Path, ledger: &Ledger) -> Result<Bundle> {
     let manifest = &scene.manifest;
     let seen = || manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
     let Some(first) = seen().next() else {
@@ -39,15 +39,15 @@ pub fn bundle(scene: &Scene, pictures: &Path, ledger: &Ledger) -> Result<Bundle>
         (picture.width, picture.height, picture.texels) = (width as u32, height as u32, Arc::new(texels.to_vec()));
     }
     let size = [manifest.check.width, manifest.check.height];
-    let view = |v: &crate::manifest::View| -> Result<View> {
+    let view = |v: &crate::manifest::SceneView| -> Result<BundleView> {
         // Reference pictures have no bloom, and they show the plants at their own view's time.
         let same = manifest.time_of(v) == time_s && drawn.bloom.is_none();
         let path = pictures.join(format!("{}-reference.png", v.name));
         let reference = if same && path.is_file() { Some(picture(&path, size)?) } else { None };
-        Ok(View { name: v.name.clone(), camera: handover::camera(v), size, reference })
+        Ok(BundleView { name: v.name.clone(), camera: handover::camera(v), size, reference })
     };
-    let views = seen().map(view).collect::<Result<Vec<View>>>()?;
-    let still = Still::of(&drawn);
+    let views = seen().map(view).collect::<Result<Vec<BundleView>>>()?;
+    let still = StillSections::of(&drawn);
     Ok(Bundle {
         title: manifest.name.clone(),
         program: format!("mesophyll {}", env!("CARGO_PKG_VERSION")),
@@ -59,12 +59,12 @@ pub fn bundle(scene: &Scene, pictures: &Path, ledger: &Ledger) -> Result<Bundle>
 }
 
 /// The leaves whose σ are one number for the whole leaf. A leaf with a map of σ is shown as fitted.
-fn slabs(scene: &Scene) -> Result<Vec<LeafSlabs>> {
+fn slabs(scene: &LoadedScene) -> Result<Vec<LeafSlabs>> {
     let mut out = Vec::new();
     // `drawn` has the order of the renderer's materials.
     for (material, leaf) in scene.drawn().enumerate() {
         let Some(fitted) =
-            leaf.placed.fitted.as_ref().filter(|_| leaf.placed.interior(leaf.config) == Interior::Scalars)
+            leaf.placed.fitted.as_ref().filter(|_| leaf.placed.interior(leaf.config) == InteriorSource::Scalars)
         else {
             continue;
         };
@@ -98,11 +98,11 @@ fn picture(path: &Path, size: [u32; 2]) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// [`Error::Input`] where the folder holds no fit of a leaf.
-pub fn around(fit: &Path) -> Result<Manifest> {
+pub fn around(fit: &Path) -> Result<SceneManifest> {
     let fit = std::path::absolute(fit).map_err(|e| Error::input(fit, e))?;
     let name = fit.file_name().map_or("leaf".into(), |n| n.to_string_lossy().into_owned());
     let text = AROUND.replace("NAME", &toml::Value::from(name).to_string());
-    Manifest::parse(&text, &fit.join("fit.toml"))
+    SceneManifest::parse(&text, &fit.join("fit.toml"))
 }
 
 /// The scene around a fit. Its cameras are moved by `aim`, because leaves differ in size.

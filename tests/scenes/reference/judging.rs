@@ -2,7 +2,7 @@
 //! figures.
 
 use super::*;
-use mesophyll::transport::compare::{compare, difference_picture, noise_floor};
+use mesophyll::transport::comparison::{compare, difference_picture, noise_floor};
 
 const SIZE: (usize, usize) = (96, 72);
 
@@ -10,7 +10,7 @@ fn both(leaf: &mut ReferenceLeaf) -> [&mut ReferenceSide; 2] {
     [&mut leaf.front, &mut leaf.back]
 }
 
-fn shot(world: &World, view: &Camera, seed: u64) -> ReferencePicture {
+fn shot(world: &ReferenceWorld, view: &ReferenceCamera, seed: u64) -> ReferencePicture {
     render(world, view, SIZE.0, SIZE.1, &Options { seed, ..Options::default() }).unwrap()
 }
 
@@ -54,7 +54,7 @@ fn wrong_pictures_stand_out_of_the_noise() {
     let (world, view) = portrait();
     let encode = |x: f32| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
     // Name, whether it is a gross error, and how it is made.
-    type Mistake = (&'static str, bool, Box<dyn Fn(&mut World)>);
+    type Mistake = (&'static str, bool, Box<dyn Fn(&mut ReferenceWorld)>);
     let mistakes: [Mistake; 5] = [
         ("mirrored normal", true, {
             Box::new(|w| {
@@ -72,7 +72,9 @@ fn wrong_pictures_stand_out_of_the_noise() {
         ("sRGB read as linear", true, {
             Box::new(move |w| {
                 for side in both(&mut w.leaves[0]) {
-                    let Interior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("the portrait has maps") };
+                    let ReferenceInterior::Maps { rho_d, rho_t } = &mut side.interior else {
+                        panic!("the portrait has maps")
+                    };
                     rho_d.iter_mut().chain(rho_t).flatten().for_each(|x| *x = encode(*x));
                 }
             })
@@ -80,7 +82,9 @@ fn wrong_pictures_stand_out_of_the_noise() {
         ("a blade 1.3 times too thick", false, {
             Box::new(|w| {
                 for side in both(&mut w.leaves[0]) {
-                    let Interior::Maps { rho_t, .. } = &mut side.interior else { panic!("the portrait has maps") };
+                    let ReferenceInterior::Maps { rho_t, .. } = &mut side.interior else {
+                        panic!("the portrait has maps")
+                    };
                     rho_t.iter_mut().flatten().for_each(|t| *t = t.powf(1.3));
                 }
             })
@@ -88,7 +92,9 @@ fn wrong_pictures_stand_out_of_the_noise() {
         ("maps shifted by a texel", false, {
             Box::new(|w| {
                 for side in both(&mut w.leaves[0]) {
-                    let Interior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("the portrait has maps") };
+                    let ReferenceInterior::Maps { rho_d, rho_t } = &mut side.interior else {
+                        panic!("the portrait has maps")
+                    };
                     rho_d.iter_mut().chain(rho_t).for_each(|m| m.rotate_right(1));
                 }
             })
@@ -102,7 +108,7 @@ fn wrong_pictures_stand_out_of_the_noise() {
         let mut world = world.clone();
         world.sun = sun(lamp, SUN);
         // The camera is so close that a pixel is smaller than a texel.
-        let view = Camera { eye, fov_y_deg: 14.0, ..view };
+        let view = ReferenceCamera { eye, fov_y_deg: 14.0, ..view };
         let reference = shot(&world, &view, 1);
         let floor = noise_floor(&reference, &shot(&world, &view, 2)).unwrap();
         for (name, gross, spoil) in &mistakes {

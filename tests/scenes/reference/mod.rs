@@ -1,12 +1,12 @@
 //! The reference renderer is compared with closed forms, analytic geometry and itself. The leaves are built by hand.
 
 use glam::{DMat4, DVec3, DVec4};
-use mesophyll::transport::closed_form::Card;
+use mesophyll::transport::closed_form::FlatLeaf;
 use mesophyll::transport::lobe::Lobe;
-use mesophyll::transport::render::Lens;
+use mesophyll::transport::renderer::CameraRays;
 use mesophyll::transport::{
-    Camera, Interior, NormalFrame, Options, Placement, ReferenceLeaf, ReferencePicture, ReferenceSide, ReferenceSun,
-    Renderer, World, render,
+    NormalFrame, Options, ReferenceCamera, ReferenceInterior, ReferenceLeaf, ReferencePicture, ReferencePlacement,
+    ReferenceRenderer, ReferenceSide, ReferenceSun, ReferenceWorld, render,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -21,8 +21,8 @@ use stage::{SUN, alone, blade, camera, leaf, portrait, sun, uniform, veined};
 
 /// Mean of the closed form over a pixel's square, by a 3×3 midpoint rule.
 fn over_pixel(
-    card: &Card,
-    lens: &Lens,
+    card: &FlatLeaf,
+    lens: &CameraRays,
     x: usize,
     y: usize,
     sun: Option<&ReferenceSun>,
@@ -60,11 +60,11 @@ fn flat_cards_meet_the_closed_form() {
             let options = Options { samples_per_pixel: 64, ..Options::default() };
             let picture = render(&world, &view, 12, 9, &options).unwrap();
             let card = if eye.z > 0.0 {
-                Card { rho_d: front_d, rho_s: front_s, m: 0.25, lobe, rho_t_far: back_t, normal: DVec3::Z }
+                FlatLeaf { rho_d: front_d, rho_s: front_s, m: 0.25, lobe, rho_t_far: back_t, normal: DVec3::Z }
             } else {
-                Card { rho_d: back_d, rho_s: back_s, m: 0.5, lobe, rho_t_far: front_t, normal: -DVec3::Z }
+                FlatLeaf { rho_d: back_d, rho_s: back_s, m: 0.5, lobe, rho_t_far: front_t, normal: -DVec3::Z }
             };
-            let lens = Lens::new(&view, 12, 9).unwrap();
+            let lens = CameraRays::new(&view, 12, 9).unwrap();
             for (k, found) in picture.hdr.iter().enumerate() {
                 let expected = over_pixel(&card, &lens, k % 12, k / 12, world.sun.as_ref(), sky);
                 assert_eq!(found[3], 1.0);
@@ -130,7 +130,7 @@ fn the_back_is_the_front_turned_over() {
 #[test]
 fn columns_of_the_back_run_the_other_way() {
     let side = |left: f32, right: f32| ReferenceSide {
-        interior: Interior::Maps {
+        interior: ReferenceInterior::Maps {
             rho_d: [vec![left, right], vec![0.1; 2], vec![0.1; 2]],
             rho_t: [(); 3].map(|_| vec![0.0; 2]),
         },
@@ -159,7 +159,7 @@ fn columns_of_the_back_run_the_other_way() {
 fn scalars_solve_between_texels() {
     let slab = |h: f64| ([(-3.0 * h).exp(), 0.2, 0.1], [(-9.0 * h).exp(), 0.3, h]);
     let side = ReferenceSide {
-        interior: Interior::Scalars {
+        interior: ReferenceInterior::Scalars {
             gamma: [vec![1.0, 0.5], vec![1.0; 2], vec![1.0; 2]],
             thickness: vec![0.1, 0.4],
             curve: Arc::new(slab),
@@ -181,7 +181,7 @@ fn scalars_solve_between_texels() {
     let view = camera(DVec3::Z * 2000.0, 0.12);
     let picture =
         render(&world, &view, width, height, &Options { samples_per_pixel: 256, ..Options::default() }).unwrap();
-    let lens = Lens::new(&view, width, height).unwrap();
+    let lens = CameraRays::new(&view, width, height).unwrap();
     for i in 0..width {
         let mean = (0..40).map(|s| {
             let ray = lens.ray(i as f64 + (s as f64 + 0.5) / 40.0, 4.5);
@@ -201,7 +201,10 @@ fn scalars_solve_between_texels() {
 fn masks_cut_at_one_half_and_let_the_sun_through() {
     // A mask of 4×1 texels whose edge is halfway across. Everything left of it belongs to the leaf.
     let side = || ReferenceSide {
-        interior: Interior::Maps { rho_d: [(); 3].map(|_| vec![0.5; 4]), rho_t: [(); 3].map(|_| vec![0.0; 4]) },
+        interior: ReferenceInterior::Maps {
+            rho_d: [(); 3].map(|_| vec![0.5; 4]),
+            rho_t: [(); 3].map(|_| vec![0.0; 4]),
+        },
         gloss: None,
         normal: None,
     };
@@ -221,9 +224,9 @@ fn masks_cut_at_one_half_and_let_the_sun_through() {
         assert_eq!(picture.hdr[30 * 60 + x][3], covered, "column {x}");
     }
     // A second leaf right above: its missing half casts no shadow.
-    world.instances.push(Placement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 200.0) });
+    world.instances.push(ReferencePlacement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 200.0) });
     world.instances[0].transform = DMat4::from_scale(DVec3::splat(4.0));
-    let renderer = Renderer::new(&world).unwrap();
+    let renderer = ReferenceRenderer::new(&world).unwrap();
     assert_eq!(renderer.sun_visibility(DVec3::new(-10.0, 0.0, 50.0), 16, 1), Some(0.0));
     assert_eq!(renderer.sun_visibility(DVec3::new(10.0, 0.0, 50.0), 16, 1), Some(1.0));
 }
@@ -245,7 +248,7 @@ fn pictures_depend_on_the_seed_and_not_on_the_threads() {
 #[test]
 fn the_printed_noise_is_honest() {
     let (world, view) = portrait();
-    let renderer = Renderer::new(&world).unwrap();
+    let renderer = ReferenceRenderer::new(&world).unwrap();
     let shots: Vec<_> = (0..6)
         .map(|seed| renderer.render(&view, 80, 60, &Options { seed, sun_samples: 1, ..Options::default() }).unwrap())
         .collect();
@@ -274,7 +277,7 @@ fn the_printed_noise_is_honest() {
 #[test]
 fn worlds_that_do_not_fit_together_are_refused() {
     let (world, view) = portrait();
-    let refused = |edit: &dyn Fn(&mut World), expected: &str| {
+    let refused = |edit: &dyn Fn(&mut ReferenceWorld), expected: &str| {
         let mut broken = world.clone();
         edit(&mut broken);
         let said = render(&broken, &view, 4, 3, &Options::default()).err().map(|e| e.to_string()).unwrap_or_default();
@@ -296,10 +299,15 @@ fn worlds_that_do_not_fit_together_are_refused() {
     );
     assert!(render(&world, &view, 0, 3, &Options::default()).is_err());
     assert!(render(&world, &view, 4, 3, &Options { samples_per_pixel: 0, ..Options::default() }).is_err());
-    assert!(render(&world, &Camera { target: view.eye, ..view }, 4, 3, &Options::default()).is_err());
+    assert!(render(&world, &ReferenceCamera { target: view.eye, ..view }, 4, 3, &Options::default()).is_err());
     // An empty world shows its background.
-    let nothing =
-        render(&World { background: [0.5, 0.25, 0.125], ..World::default() }, &view, 2, 2, &Options::default())
-            .unwrap();
+    let nothing = render(
+        &ReferenceWorld { background: [0.5, 0.25, 0.125], ..ReferenceWorld::default() },
+        &view,
+        2,
+        2,
+        &Options::default(),
+    )
+    .unwrap();
     assert_eq!(nothing.hdr[3], [0.5, 0.25, 0.125, 0.0]);
 }

@@ -3,8 +3,8 @@
 use super::{SUN, alone, blade, camera, leaf, sun, uniform};
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll::transport::lobe::Lobe;
-use mesophyll::transport::render::Lens;
-use mesophyll::transport::{Options, Placement, Renderer, World, render};
+use mesophyll::transport::renderer::CameraRays;
+use mesophyll::transport::{Options, ReferencePlacement, ReferenceRenderer, ReferenceWorld, render};
 use std::f64::consts::PI;
 
 /// Share of a unit disk that lies on the side x > d.
@@ -14,10 +14,10 @@ fn segment(d: f64) -> f64 {
 }
 
 /// A card lit from straight above, and a wide blade at `height` that hides the half-space x < 0.
-fn half_hidden(height: f64, radius: f64) -> World {
+fn half_hidden(height: f64, radius: f64) -> ReferenceWorld {
     let side = || uniform([0.5; 3], [0.0; 3], None);
     let mut world = alone(leaf(blade(1.0, 1.0, 1, 0.0), side(), side(), Lobe::Beckmann), sun(DVec3::Z, radius), None);
-    let place = |at: DVec3| Placement {
+    let place = |at: DVec3| ReferencePlacement {
         leaf: 0,
         transform: DMat4::from_scale_rotation_translation(DVec3::splat(2000.0), DQuat::IDENTITY, at),
     };
@@ -29,7 +29,7 @@ fn half_hidden(height: f64, radius: f64) -> World {
 fn a_half_hidden_sun_shows_a_circular_segment() {
     for radius in [SUN, 0.1] {
         let world = half_hidden(100.0, radius);
-        let renderer = Renderer::new(&world).unwrap();
+        let renderer = ReferenceRenderer::new(&world).unwrap();
         let reach = 100.0 * f64::tan(radius);
         for d in [-1.2, -0.9, -0.5, -0.1, 0.0, 0.3, 0.8, 1.1] {
             // From a point at x = d·reach, the edge cuts the disk at −d.
@@ -48,7 +48,7 @@ fn a_penumbra_has_the_right_profile_and_is_marked() {
     let view = camera(DVec3::new(0.0, 0.0, 50.0), 2.0);
     let options = Options { samples_per_pixel: 64, sun_samples: 16, ..Options::default() };
     let picture = render(&world, &view, width, rows, &options).unwrap();
-    let lens = Lens::new(&view, width, rows).unwrap();
+    let lens = CameraRays::new(&view, width, rows).unwrap();
     let full = [3.0, 2.5, 2.0].map(|e| e * 0.5 / PI);
     let (mut marked, mut squares) = (0, 0.0f64);
     for k in 0..width * rows {

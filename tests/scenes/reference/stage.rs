@@ -3,8 +3,8 @@
 use glam::{DMat4, DVec2, DVec3};
 use mesophyll::transport::lobe::Lobe;
 use mesophyll::transport::{
-    Camera, Gloss, Interior, NormalFrame, NormalMap, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide,
-    ReferenceSun, World,
+    NormalFrame, NormalMap, ReferenceCamera, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh,
+    ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld,
 };
 use std::f64::consts::PI;
 
@@ -38,8 +38,8 @@ pub fn blade(w: f64, h: f64, n: usize, bend: f64) -> ReferenceMesh {
 pub fn uniform(rho_d: [f64; 3], rho_t: [f64; 3], gloss: Option<([f64; 3], f64)>) -> ReferenceSide {
     let one = |c: [f64; 3]| c.map(|x| vec![x as f32]);
     ReferenceSide {
-        interior: Interior::Maps { rho_d: one(rho_d), rho_t: one(rho_t) },
-        gloss: gloss.map(|(rho_s, m)| Gloss { rho_s: one(rho_s), m: vec![m as f32] }),
+        interior: ReferenceInterior::Maps { rho_d: one(rho_d), rho_t: one(rho_t) },
+        gloss: gloss.map(|(rho_s, m)| ReferenceGloss { rho_s: one(rho_s), m: vec![m as f32] }),
         normal: None,
     }
 }
@@ -48,13 +48,13 @@ pub fn leaf(mesh: ReferenceMesh, front: ReferenceSide, back: ReferenceSide, lobe
     ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe }
 }
 
-pub fn alone(leaf: ReferenceLeaf, sun: Option<ReferenceSun>, sky: Option<[f64; 3]>) -> World {
-    World {
+pub fn alone(leaf: ReferenceLeaf, sun: Option<ReferenceSun>, sky: Option<[f64; 3]>) -> ReferenceWorld {
+    ReferenceWorld {
         leaves: vec![leaf],
-        instances: vec![Placement { leaf: 0, transform: DMat4::IDENTITY }],
+        instances: vec![ReferencePlacement { leaf: 0, transform: DMat4::IDENTITY }],
         sun,
         sky,
-        ..World::default()
+        ..ReferenceWorld::default()
     }
 }
 
@@ -62,8 +62,8 @@ pub fn sun(direction: DVec3, radius: f64) -> Option<ReferenceSun> {
     Some(ReferenceSun { direction, irradiance: [3.0, 2.5, 2.0], radius })
 }
 
-pub fn camera(eye: DVec3, fov_y_deg: f64) -> Camera {
-    Camera { eye, target: DVec3::ZERO, up: DVec3::Y, fov_y_deg }
+pub fn camera(eye: DVec3, fov_y_deg: f64) -> ReferenceCamera {
+    ReferenceCamera { eye, target: DVec3::ZERO, up: DVec3::Y, fov_y_deg }
 }
 
 /// A leaf with veins, two different sides, gloss and relief, `n` texels wide.
@@ -89,11 +89,11 @@ pub fn veined(n: usize) -> ReferenceLeaf {
             })
             .collect();
         ReferenceSide {
-            interior: Interior::Maps {
+            interior: ReferenceInterior::Maps {
                 rho_d: [colour(0, 1.5), colour(1, 0.8), colour(2, 1.8)],
                 rho_t: [0, 1, 2].map(|c| map(&|u, v| 0.8 * tint[c] * (1.0 - 0.6 * at(u, v)))),
             },
-            gloss: Some(Gloss {
+            gloss: Some(ReferenceGloss {
                 rho_s: [0, 1, 2].map(|_| map(&|u, v| shine * (1.0 - 0.5 * at(u, v)))),
                 m: map(&|u, v| m + 0.1 * at(u, v)),
             }),
@@ -115,7 +115,7 @@ pub fn veined(n: usize) -> ReferenceLeaf {
     }
 }
 
-pub fn portrait() -> (World, Camera) {
+pub fn portrait() -> (ReferenceWorld, ReferenceCamera) {
     let mut world = alone(veined(64), sun(DVec3::new(0.5, 0.4, 1.0), SUN), Some([0.25, 0.3, 0.4]));
     world.exposure = 1.2;
     world.background = [0.02, 0.02, 0.025];

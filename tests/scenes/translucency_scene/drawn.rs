@@ -2,9 +2,9 @@
 
 use super::*;
 use mesophyll::scene::draw::{handover, reference};
-use mesophyll::scene::manifest::Basis;
-use mesophyll::transport::Sunlit;
-use mesophyll_viewer::scene::{Coefficients, Sides, Translucency};
+use mesophyll::scene::manifest::TranslucencyBasis;
+use mesophyll::transport::SunlitMaps;
+use mesophyll_viewer::scene::{CoefficientMaps, Sides, Translucency};
 
 #[test]
 fn the_renderer_gets_the_lit_sides_coefficients_and_the_reference_the_suns_own_map() {
@@ -16,7 +16,7 @@ fn the_renderer_gets_the_lit_sides_coefficients_and_the_reference_the_suns_own_m
     let drawn = handover::scene(&whole, &ledger).unwrap();
     let leaf = drawn.leaf(0).unwrap();
     assert!(leaf.sides.front.translucency.is_none() && leaf.sides.back.normal.is_none());
-    let Some(Translucency { coefficients: Coefficients::Factor(map), .. }) = &leaf.sides.back.translucency else {
+    let Some(Translucency { coefficients: CoefficientMaps::Factor(map), .. }) = &leaf.sides.back.translucency else {
         panic!("no factor")
     };
     assert_eq!(plan.leaves[0].block, 1);
@@ -33,7 +33,7 @@ fn the_renderer_gets_the_lit_sides_coefficients_and_the_reference_the_suns_own_m
     let f: f64 = (0..3)
         .map(|i| want[i] * (1.5 / PI).sqrt() * (axes[i][0] * omega[0] + axes[i][1] * omega[1] + axes[i][2] * omega[2]))
         .sum();
-    let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
+    let Some(SunlitMaps::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
     assert!((f64::from(map[k]) - f).abs() < 1e-5, "{} {f}", map[k]);
     assert!(world.through[0].entering[0].is_none());
 }
@@ -54,7 +54,7 @@ fn the_bent_basis_is_evaluated_as_it_is_stored() {
     let dir = folder(&flat);
     let maps = dir.path().join("fits/elm-translucency");
     let k = 36 * flat.width + 40;
-    for (basis, name) in [(Basis::HalfLife2, "half-life-2"), (Basis::Bent, "bent-3")] {
+    for (basis, name) in [(TranslucencyBasis::HalfLife2, "half-life-2"), (TranslucencyBasis::Bent, "bent-3")] {
         with_basis(&maps, name);
         for zenith in [150.0, 120.0, 100.0, 91.0] {
             let path = scene(dir.path(), "back", Some(zenith), None, "");
@@ -67,8 +67,8 @@ fn the_bent_basis_is_evaluated_as_it_is_stored() {
             let stored = drawn.leaf(0).unwrap().sides.back.translucency.as_ref().expect("maps");
             assert_eq!(format!("{:?}", stored.basis), format!("{basis:?}"));
             let world = reference::world(&whole, &ledger).unwrap();
-            let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
-            let want = by_angles(leaning(1, 40, 36), zenith, 30.0, basis == Basis::Bent);
+            let Some(SunlitMaps::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
+            let want = by_angles(leaning(1, 40, 36), zenith, 30.0, basis == TranslucencyBasis::Bent);
             assert!((f64::from(map[k]) - want).abs() < 1e-5, "{zenith}: {} {want}", map[k]);
         }
     }
@@ -85,9 +85,10 @@ fn the_windows_reference_follows_the_maps_that_are_taken_off() {
     let with = scene(dir.path(), "back", Some(125.0), None, "");
     let plain = blade::scene(dir.path(), "plain", "elm", Some(125.0), None, "");
     let open = |path: &Path| {
-        let manifest = Manifest::read(path).unwrap();
+        let manifest = SceneManifest::read(path).unwrap();
         let camera = handover::camera(&manifest.views[0]);
-        let free = Scene::open(manifest, Search { free: true, ..Search::default() }, &Ledger::new()).unwrap();
+        let free =
+            LoadedScene::open(manifest, LeafSearch { free: true, ..LeafSearch::default() }, &Ledger::new()).unwrap();
         let drawn = handover::scene(&free, &Ledger::new()).unwrap();
         (SceneEditor::new(free, dir.path().join("out")).unwrap(), drawn, camera)
     };

@@ -6,12 +6,12 @@ mod drawn;
 use crate::blade;
 use crate::blade::{Blade, hashes};
 use mesophyll::files::hash;
-use mesophyll::files::image::{Maps, Packing, write_exr};
-use mesophyll::fits::record::{FitKind, FitRecord, Section};
-use mesophyll::scene::loaded::Scene;
-use mesophyll::scene::manifest::Manifest;
+use mesophyll::files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll::fits::record::{FitKind, FitRecord, RecordSection};
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
 use mesophyll::scene::placed::ledger::Ledger;
-use mesophyll::scene::placed::{Placed, leaf::Search};
+use mesophyll::scene::placed::{PlacedScene, leaf::LeafSearch};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ const FLAT: f64 = 0.835_542_4;
 fn write_maps(dir: &Path, width: usize, height: usize, h: impl Fn(usize, usize, usize) -> [f64; 3]) {
     std::fs::create_dir_all(dir).unwrap();
     for (s, side) in ["front", "back"].iter().enumerate() {
-        let mut maps = Maps::new(width, height);
+        let mut maps = ChannelMaps::new(width, height);
         for i in 0..3 {
             let plane = (0..width * height).map(|k| h(s, k % width, k / width)[i] as f32).collect();
             maps.push(format!("translucency.{}", i + 1), plane);
@@ -37,7 +37,10 @@ fn write_maps(dir: &Path, width: usize, height: usize, h: impl Fn(usize, usize, 
         program: "test".into(),
         input_hash: hash::bytes(b"made up"),
         files: hashes(dir),
-        sections: BTreeMap::from([("front".to_string(), Section::default()), ("back".to_string(), Section::default())]),
+        sections: BTreeMap::from([
+            ("front".to_string(), RecordSection::default()),
+            ("back".to_string(), RecordSection::default()),
+        ]),
         ..Default::default()
     };
     record.write(dir).unwrap();
@@ -74,13 +77,13 @@ fn folder(blade: &Blade) -> tempfile::TempDir {
     dir
 }
 
-fn planned(path: &Path) -> (Scene, Ledger) {
+fn planned(path: &Path) -> (LoadedScene, Ledger) {
     let ledger = Ledger::new();
-    (Scene::open(Manifest::read(path).unwrap(), Search::default(), &ledger).unwrap(), ledger)
+    (LoadedScene::open(SceneManifest::read(path).unwrap(), LeafSearch::default(), &ledger).unwrap(), ledger)
 }
 
-fn open(path: &Path, out: Option<&Path>) -> mesophyll::base::error::Result<Scene> {
-    Scene::open(Manifest::read(path)?, Search { out, ..Search::default() }, &Ledger::new())
+fn open(path: &Path, out: Option<&Path>) -> mesophyll::base::error::Result<LoadedScene> {
+    LoadedScene::open(SceneManifest::read(path)?, LeafSearch { out, ..LeafSearch::default() }, &Ledger::new())
 }
 
 #[test]
@@ -167,7 +170,7 @@ fn what_is_wrong_is_named() {
     assert!(told.contains("kind") && told.contains("translucency"), "{told}");
     // The scene has an unknown field.
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{ map = \"x\" }")).unwrap();
-    let told = Manifest::read(&path).unwrap_err().to_string();
+    let told = SceneManifest::read(&path).unwrap_err().to_string();
     assert!(told.contains("map"), "{told}");
     // The maps have another size.
     std::fs::write(&path, &text).unwrap();
@@ -188,8 +191,8 @@ fn with_texel(fit: &Path, texel_mm: f64) {
 fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     use mesophyll::fits::translucency::TissueName;
     use mesophyll::scene::draw::reference;
-    use mesophyll::scene::placed::fits::source::Freshness;
-    use mesophyll::transport::Sunlit;
+    use mesophyll::scene::placed::fits::source::FitFreshness;
+    use mesophyll::transport::SunlitMaps;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, bump: 0.0, dome: 0.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();
@@ -197,18 +200,18 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     flat.write(&fit, "elm");
     with_texel(&fit, flat.texel_mm);
     let path = scene(dir.path(), "back", Some(140.0), None, "");
-    let manifest = Manifest::read(&path).unwrap();
+    let manifest = SceneManifest::read(&path).unwrap();
     assert_eq!(manifest.leaves[0].translucency.as_ref().map(|t| t.tissue), Some(TissueName::Fit));
     let ledger = Ledger::new();
     let out = dir.path().join("out");
     let before = open(&path, Some(&out)).unwrap().plan;
-    assert!(before.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Freshness::Missing)));
-    let search = Search { out: Some(&out), ..Search::default() };
-    let mut placed = Placed::new(&manifest, search, &ledger).unwrap();
+    assert!(before.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(FitFreshness::Missing)));
+    let search = LeafSearch { out: Some(&out), ..LeafSearch::default() };
+    let mut placed = PlacedScene::new(&manifest, search, &ledger).unwrap();
     assert_eq!(placed.untranslucent(&manifest), [0]);
     placed.make_translucency(&manifest, &out, search, &ledger).unwrap();
     assert!(placed.untranslucent(&manifest).is_empty());
-    let mut whole = Scene::new(manifest, placed, &ledger).unwrap();
+    let mut whole = LoadedScene::new(manifest, placed, &ledger).unwrap();
     // The plan would leave out maps that agree with the cosine. Here they are needed for the comparison.
     let plan = &mut whole.plan;
     assert!(
@@ -216,7 +219,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     );
     plan.leaves[0].sides[1].translucency = true;
     let world = reference::world(&whole, &ledger).unwrap();
-    let Some(Sunlit::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
+    let Some(SunlitMaps::Factor(map)) = &world.through[0].entering[1] else { panic!("no map") };
     let cosine = -(140f64.to_radians().cos());
     let off = map.iter().map(|f| (f64::from(*f) - cosine).abs()).fold(0.0, f64::max);
     assert!(off < 1e-3, "{off}");
@@ -225,7 +228,7 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
     with_texel(&fit, 1.0);
     let after = open(&path, Some(&out)).unwrap().plan;
     assert!(
-        after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(Freshness::Stale)),
+        after.needed.iter().any(|n| n.name == "fit elm translucency" && n.status == Some(FitFreshness::Stale)),
         "{:?}",
         after.needed
     );
@@ -233,8 +236,8 @@ fn the_reference_convolves_and_a_flat_leafs_light_is_its_cosine() {
 
 #[test]
 fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
-    use mesophyll::scene::manifest::Basis;
-    use mesophyll::scene::placed::fits::source::Freshness;
+    use mesophyll::scene::manifest::TranslucencyBasis;
+    use mesophyll::scene::placed::fits::source::FitFreshness;
 
     let dir = folder(&Blade::default());
     let maps = dir.path().join("fits/elm-translucency");
@@ -247,18 +250,18 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
         )
         .unwrap()
     };
-    let status = |scene: &Scene| scene.placed.leaves[0].translucent.as_ref().unwrap().source.status;
+    let status = |scene: &LoadedScene| scene.placed.leaves[0].translucent.as_ref().unwrap().source.status;
     // A named folder with another basis must be made again. One that states no basis has the published one.
     for (said, asked, wanted) in [
-        (None, "half-life-2", Freshness::Reuse),
-        (None, "bent-3", Freshness::Stale),
-        (Some("half-life-2"), "bent-3", Freshness::Stale),
-        (Some("bent-3"), "bent-3", Freshness::Reuse),
-        (Some("bent-3"), "half-life-2", Freshness::Stale),
-        (Some("h-basis-6"), "bent-3", Freshness::Stale),
+        (None, "half-life-2", FitFreshness::Reuse),
+        (None, "bent-3", FitFreshness::Stale),
+        (Some("half-life-2"), "bent-3", FitFreshness::Stale),
+        (Some("bent-3"), "bent-3", FitFreshness::Reuse),
+        (Some("bent-3"), "half-life-2", FitFreshness::Stale),
+        (Some("h-basis-6"), "bent-3", FitFreshness::Stale),
         // The names of former versions.
-        (Some("half-life 2"), "half-life 2", Freshness::Reuse),
-        (Some("bent half-life 2, 3"), "bent", Freshness::Reuse),
+        (Some("half-life 2"), "half-life 2", FitFreshness::Reuse),
+        (Some("bent half-life 2, 3"), "bent", FitFreshness::Reuse),
     ] {
         if let Some(said) = said {
             with_basis(&maps, said);
@@ -270,7 +273,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     std::fs::write(&path, &text).unwrap();
     with_basis(&maps, "bent-3");
     let read = open(&path, None).unwrap();
-    assert_eq!(read.loaded[0].coefficients[1].as_ref().unwrap().basis, Basis::Bent);
+    assert_eq!(read.loaded[0].coefficients[1].as_ref().unwrap().basis, TranslucencyBasis::Bent);
     for other in ["h-basis-6", "bent-6", "none: one light"] {
         with_basis(&maps, other);
         let told = open(&path, None).unwrap_err().to_string();
@@ -279,7 +282,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     }
     // A value that names no basis is refused with its line.
     asks("curved");
-    let told = Manifest::read(&path).unwrap_err().to_string();
+    let told = SceneManifest::read(&path).unwrap_err().to_string();
     assert!(
         told.contains("back.toml:7")
             && told.contains("curved")
@@ -291,8 +294,8 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
 
 #[test]
 fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
-    use mesophyll::scene::manifest::Basis;
-    use mesophyll::scene::placed::fits::source::Freshness;
+    use mesophyll::scene::manifest::TranslucencyBasis;
+    use mesophyll::scene::placed::fits::source::FitFreshness;
 
     let flat = Blade { width: 48, height: 36, texel_mm: 1.0, ..Blade::default() };
     let dir = tempfile::tempdir().unwrap();
@@ -302,19 +305,19 @@ fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{ basis = \"bent\" }")).unwrap();
     let (ledger, out) = (Ledger::new(), dir.path().join("out"));
-    let manifest = Manifest::read(&path).unwrap();
-    let search = Search { out: Some(&out), ..Search::default() };
-    let mut placed = Placed::new(&manifest, search, &ledger).unwrap();
+    let manifest = SceneManifest::read(&path).unwrap();
+    let search = LeafSearch { out: Some(&out), ..LeafSearch::default() };
+    let mut placed = PlacedScene::new(&manifest, search, &ledger).unwrap();
     placed.make_translucency(&manifest, &out, search, &ledger).unwrap();
-    let whole = Scene::new(manifest, placed, &ledger).unwrap();
+    let whole = LoadedScene::new(manifest, placed, &ledger).unwrap();
     let translucent = whole.placed.leaves[0].translucent.as_ref().unwrap();
-    assert_eq!(translucent.source.status, Freshness::Reuse);
+    assert_eq!(translucent.source.status, FitFreshness::Reuse);
     assert!(translucent.fitted.as_ref().unwrap().record.options["basis"] == "bent-3");
-    assert_eq!(whole.loaded[0].coefficients[1].as_ref().map(|m| m.basis), Some(Basis::Bent));
+    assert_eq!(whole.loaded[0].coefficients[1].as_ref().map(|m| m.basis), Some(TranslucencyBasis::Bent));
     // The basis is no longer requested, so a run's own maps are made again with the published one.
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{}")).unwrap();
     let after = open(&path, Some(&out)).unwrap().placed;
-    assert_eq!(after.leaves[0].translucent.as_ref().unwrap().source.status, Freshness::Stale);
+    assert_eq!(after.leaves[0].translucent.as_ref().unwrap().source.status, FitFreshness::Stale);
 }
 
 #[test]
@@ -339,7 +342,7 @@ fn a_leaf_may_be_drawn_from_another_ones_data() {
         ("like = \"elm\"", "like = \"plain\"", "like another one itself"),
     ] {
         std::fs::write(&path, text.replace(from, to)).unwrap();
-        let told = Manifest::read(&path).unwrap_err().to_string();
+        let told = SceneManifest::read(&path).unwrap_err().to_string();
         assert!(told.contains(word), "{told}");
     }
 }

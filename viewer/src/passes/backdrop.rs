@@ -6,8 +6,8 @@ use crate::maps::{Level, upload_table};
 use crate::passes::fullscreen;
 use crate::passes::main::DEPTH;
 use crate::passes::sky::{disk_radiance, pixel_rays};
-use crate::scene::{Backdrop, Camera, Dome, Sun};
-use crate::stats::Stats;
+use crate::scene::{Backdrop, Camera, SkyDome, Sun};
+use crate::stats::RenderStatistics;
 use glam::Vec3;
 
 pub(crate) struct BackdropPass {
@@ -19,13 +19,13 @@ pub(crate) struct BackdropPass {
 
 /// The dome whose look the picture is, with the lights of a frame.
 pub(crate) struct Look<'a> {
-    pub dome: &'a Dome,
+    pub dome: &'a SkyDome,
     pub sun: Option<&'a Sun>,
     pub background: [f32; 3],
 }
 
 impl BackdropPass {
-    pub(crate) fn new(gpu: &Gpu, backdrop: &Backdrop, msaa: u32, stats: &mut Stats) -> BackdropPass {
+    pub(crate) fn new(gpu: &Gpu, backdrop: &Backdrop, msaa: u32, stats: &mut RenderStatistics) -> BackdropPass {
         let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::FRAGMENT,
@@ -100,7 +100,7 @@ impl BackdropPass {
         gpu.queue.write_buffer(&self.rays, 0, bytemuck::bytes_of(&uniform));
     }
 
-    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut Stats) {
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut RenderStatistics) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
         pass.draw(0..3, 0..1);

@@ -4,9 +4,9 @@
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::pose::PosePass;
-use crate::scene::{Instance, Mesh, Scene, Seat, Section, Sections};
+use crate::scene::{Instance, Mesh, Scene, SectionAnimation, SectionMotion, SectionSeat};
 use crate::shader::{Defines, assemble};
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 use crate::variant::Variant;
 use glam::{Quat, Vec3};
 use std::collections::BTreeSet;
@@ -133,12 +133,17 @@ pub(crate) fn by_vertices(scene: &Scene, instance: &Instance, points: &[Vec3]) -
 impl BendPass {
     /// Poses everything on the adapter if the scene says how, or on the CPU as `now`; `None` where sections carry
     /// nothing.
-    pub(crate) fn posed(gpu: &Gpu, scene: &Scene, now: Vec<Section>, stats: &mut Stats) -> Option<BendPass> {
+    pub(crate) fn posed(
+        gpu: &Gpu,
+        scene: &Scene,
+        now: Vec<SectionMotion>,
+        stats: &mut RenderStatistics,
+    ) -> Option<BendPass> {
         let sections = scene.sections.as_ref().filter(|_| needs(scene, &scene.instances))?;
         let Some(poses) = &sections.poses else {
             return Some(BendPass::of(gpu, sections, points(scene), &[now], stats));
         };
-        let at_rest = |seat: &Seat| Section { from: seat.from, to: seat.from, turn: Quat::IDENTITY };
+        let at_rest = |seat: &SectionSeat| SectionMotion { from: seat.from, to: seat.from, turn: Quat::IDENTITY };
         let mut pass = BendPass::of(gpu, sections, points(scene), &[poses.seats.iter().map(at_rest).collect()], stats);
         let pose = PosePass::new(gpu, scene, poses, &pass.sections, stats);
         pose.set_time(gpu, scene.wind.as_ref().map_or(0.0, |w| w.time_s));
@@ -149,10 +154,10 @@ impl BendPass {
     /// Uploads the motions of all sections at each of these `times`, from which shaders choose, counted from `points`.
     pub(crate) fn of(
         gpu: &Gpu,
-        sections: &Sections,
+        sections: &SectionAnimation,
         points: Vec<Vec3>,
-        times: &[Vec<Section>],
-        stats: &mut Stats,
+        times: &[Vec<SectionMotion>],
+        stats: &mut RenderStatistics,
     ) -> BendPass {
         stats.upload("sections", (times.len() * sections.count * 32) as u64);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
@@ -167,7 +172,7 @@ impl BendPass {
     }
 
     /// Moves every section to other times, as many as the pass was made with.
-    pub(crate) fn set_times(&self, gpu: &Gpu, times: &[Vec<Section>]) {
+    pub(crate) fn set_times(&self, gpu: &Gpu, times: &[Vec<SectionMotion>]) {
         gpu.queue.write_buffer(&self.sections, 0, bytemuck::cast_slice(&motions(times, &self.points)));
     }
 
@@ -249,8 +254,8 @@ impl BendPass {
 
 /// Where sections move to, one time after the other. A section may state its motion by another point at each time; the
 /// adapter always counts from these.
-fn motions(times: &[Vec<Section>], points: &[Vec3]) -> Vec<[[f32; 4]; 2]> {
-    let one = |(s, point): (&Section, &Vec3)| {
+fn motions(times: &[Vec<SectionMotion>], points: &[Vec3]) -> Vec<[[f32; 4]; 2]> {
+    let one = |(s, point): (&SectionMotion, &Vec3)| {
         let to = s.to + s.turn * (point - s.from);
         [to.extend(0.0).to_array(), s.turn.to_array()]
     };

@@ -4,7 +4,7 @@
 use crate::gpu::Gpu;
 use crate::passes::fullscreen;
 use crate::shader::{Defines, assemble};
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 
 /// The largest number of times that the picture is halved, and the fewest pixels along a side of the smallest half.
 const MOST_HALVES: usize = 6;
@@ -37,7 +37,7 @@ pub(crate) struct Bloom {
 
 impl BloomPass {
     /// The pass for a picture with `msaa` samples a pixel, which scatters this share of the light (0 to 1).
-    pub(crate) fn new(gpu: &Gpu, msaa: u32, share: f32, stats: &mut Stats) -> BloomPass {
+    pub(crate) fn new(gpu: &Gpu, msaa: u32, share: f32, stats: &mut RenderStatistics) -> BloomPass {
         let texture = |binding| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::FRAGMENT,
@@ -126,7 +126,7 @@ impl BloomPass {
     }
 
     /// Scatters the light of the picture that was drawn last.
-    pub(crate) fn draw(&self, encoder: &mut wgpu::CommandEncoder, bloom: &Bloom, stats: &mut Stats) {
+    pub(crate) fn draw(&self, encoder: &mut wgpu::CommandEncoder, bloom: &Bloom, stats: &mut RenderStatistics) {
         for (step, target, group) in &bloom.steps {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("bloom"),

@@ -10,8 +10,8 @@ use crate::passes::bend::{self, BendPass, RIGID, Ride};
 use crate::passes::main::Frame;
 use crate::passes::place::{self, WIDE};
 use crate::shader::{Defines, assemble};
-use crate::stats::Stats;
-use crate::thin::{FADE, FEWEST, MANY, Seen};
+use crate::stats::RenderStatistics;
+use crate::thinning::{FADE, FEWEST, MANY, Seen};
 use std::collections::HashMap;
 use wgpu::BufferUsages as Use;
 
@@ -72,7 +72,7 @@ fn chooses(gpu: &Gpu, batch: &Batch) -> bool {
 
 impl ChoosePass {
     /// Makes what the batches need for which the adapter chooses; `None` if there is none.
-    pub(crate) fn new(gpu: &Gpu, batches: &mut [Batch], stats: &mut Stats) -> Option<ChoosePass> {
+    pub(crate) fn new(gpu: &Gpu, batches: &mut [Batch], stats: &mut RenderStatistics) -> Option<ChoosePass> {
         let own: Vec<&mut Batch> = batches.iter_mut().filter(|b| chooses(gpu, b)).collect();
         if own.is_empty() {
             return None;
@@ -84,7 +84,7 @@ impl ChoosePass {
                 .set("BEGINS", begins);
             let numbers = format!(
                 "const WIDE: f32 = {:?};\nconst FADE: f32 = {FADE:?};\nconst FEWEST: f32 = {FEWEST:?};\n",
-                crate::thin::WIDE
+                crate::thinning::WIDE
             );
             let source = assemble(&[RIGID, include_str!("choose.wgsl")].concat(), &defines);
             let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -191,7 +191,7 @@ fn plan(batch: &Batch, seen: &Seen, texel: f32) -> Plan {
 }
 
 impl Choice {
-    fn new(gpu: &Gpu, batch: &Batch, draws: &wgpu::Buffer, first: u64, stats: &mut Stats) -> Choice {
+    fn new(gpu: &Gpu, batch: &Batch, draws: &wgpu::Buffer, first: u64, stats: &mut RenderStatistics) -> Choice {
         let n = u64::from(batch.count);
         let ranks = batch.levels.ranks();
         stats.upload(&format!("ranks of mesh {}", batch.mesh), size_of_val(ranks) as u64);

@@ -6,9 +6,9 @@ use crate::maps::{Level, upload_half};
 use crate::passes::bend;
 use crate::passes::main::{Drawing, drawing, frame_layout, light, vertex_state};
 use crate::passes::sky::pixel_rays;
-use crate::scene::{Camera, Dome, GRASS_STEPS, Grass, GrassSheet, GrassTable, Scene, Sun};
+use crate::scene::{Camera, GRASS_STEPS, Grass, GrassSheet, GrassTable, Scene, SkyDome, Sun};
 use crate::shader::assemble;
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 use crate::variant::{Lights, Surface, Variant};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
@@ -69,12 +69,12 @@ pub(crate) struct Aim<'a> {
     /// Size of the picture in pixels.
     pub size: [u32; 2],
     pub sun: Option<&'a Sun>,
-    pub dome: Option<&'a Dome>,
+    pub dome: Option<&'a SkyDome>,
 }
 
 impl GrassPass {
     /// Makes the pass; `None` for a scene without grass.
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<GrassPass> {
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut RenderStatistics) -> Option<GrassPass> {
         let lawns: Vec<Lawn> = scene.grass.iter().map(|grass| Lawn::new(gpu, scene, grass, stats)).collect();
         let time = scene.wind.as_ref().map_or(0.0, |w| w.time_s);
         (!lawns.is_empty()).then_some(GrassPass { lawns, time })
@@ -93,7 +93,7 @@ impl GrassPass {
     }
 
     /// Draws all lawns. The main pass must have bound its own group.
-    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut Stats) {
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut RenderStatistics) {
         for lawn in &self.lawns {
             pass.set_pipeline(&lawn.pipeline);
             pass.set_bind_group(1, &lawn.group, &[]);
@@ -110,7 +110,7 @@ impl GrassPass {
 }
 
 impl Lawn {
-    fn new(gpu: &Gpu, scene: &Scene, grass: &Arc<Grass>, stats: &mut Stats) -> Lawn {
+    fn new(gpu: &Gpu, scene: &Scene, grass: &Arc<Grass>, stats: &mut RenderStatistics) -> Lawn {
         let device = &gpu.device;
         let level = grass.level.is_some();
         let layout = layout(gpu, level, grass.gusts.is_some());

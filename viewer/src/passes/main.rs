@@ -7,14 +7,14 @@ use crate::gpu::Gpu;
 use crate::material::{self, MaterialOnGpu};
 use crate::passes::backdrop::BackdropPass;
 use crate::passes::bend::{self, BendPass};
-use crate::passes::gathered;
 use crate::passes::grass::GrassPass;
+use crate::passes::harmonics;
 use crate::passes::shadow::ShadowPass;
 use crate::passes::sky::SkyPass;
 use crate::passes::transfer::TransferPass;
-use crate::scene::{Dome, Scene};
+use crate::scene::{Scene, SkyDome};
 use crate::shader::{assemble, of_side};
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 use crate::variant::{Lights, Variant};
 use std::collections::HashMap;
 
@@ -118,7 +118,7 @@ pub(crate) fn frame_layout(gpu: &Gpu, lights: &Lights) -> wgpu::BindGroupLayout 
 
 impl Pipelines {
     /// Makes the variant's pipeline unless it exists. Its name is added to `stats` either way.
-    pub(crate) fn need(&mut self, gpu: &Gpu, variant: &Variant, stats: &mut Stats) {
+    pub(crate) fn need(&mut self, gpu: &Gpu, variant: &Variant, stats: &mut RenderStatistics) {
         stats.pipeline(&variant.name());
         self.0.entry(*variant).or_insert_with(|| pipeline(gpu, variant));
     }
@@ -128,8 +128,8 @@ impl Pipelines {
 fn harmonics(variant: &Variant) -> String {
     match (variant.lights.dome, variant.anchored) {
         (false, _) => String::new(),
-        (true, Some(anchored)) => gathered::source(anchored.bands as usize, false),
-        (true, None) => gathered::source(MOST_BANDS, true),
+        (true, Some(anchored)) => harmonics::source(anchored.bands as usize, false),
+        (true, None) => harmonics::source(MOST_BANDS, true),
     }
 }
 
@@ -243,7 +243,7 @@ impl MainPass {
         scene: &Scene,
         shadow: Option<&ShadowPass>,
         transfer: Option<&TransferPass>,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) -> MainPass {
         let lights = Lights::of(scene);
         let frame = gpu.uniform("frame", &[Frame::default()]);
@@ -290,7 +290,7 @@ impl MainPass {
     }
 
     /// Takes over a changed dome.
-    pub(crate) fn set_dome(&self, gpu: &Gpu, dome: &Dome) {
+    pub(crate) fn set_dome(&self, gpu: &Gpu, dome: &SkyDome) {
         if let Some(buffer) = &self.dome {
             gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&dome::coefficients(dome)));
         }
@@ -304,7 +304,7 @@ impl MainPass {
         drawn: Drawn<'_>,
         targets: Targets<'_>,
         times: Option<wgpu::RenderPassTimestampWrites<'_>>,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) {
         let [r, g, b] = targets.background.map(f64::from);
         let store = if targets.resolve.is_some() { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };

@@ -7,9 +7,9 @@ use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass, Ride};
 use crate::passes::main::{Drawing, Drawn, drawing, vertex_state};
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
-use crate::scene::{Scene, Sections, Wind};
+use crate::scene::{Scene, SectionAnimation, WindState};
 use crate::shader::{Defines, assemble};
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 use std::collections::HashMap;
 
 /// The two cameras for the shader.
@@ -38,7 +38,7 @@ impl MotionPass {
         scene: &Scene,
         bend: Option<&BendPass>,
         drawn: Drawn<'_>,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) -> MotionPass {
         let cameras = gpu.uniform("cameras of motion", &[Cameras::default()]);
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -110,7 +110,13 @@ impl MotionPass {
     }
 
     /// Takes over the cameras, and the wind at the picture's time and at the earlier time.
-    pub(crate) fn aim(&self, gpu: &Gpu, cameras: Cameras, sections: Option<&Sections>, winds: [Option<&Wind>; 2]) {
+    pub(crate) fn aim(
+        &self,
+        gpu: &Gpu,
+        cameras: Cameras,
+        sections: Option<&SectionAnimation>,
+        winds: [Option<&WindState>; 2],
+    ) {
         gpu.queue.write_buffer(&self.cameras, 0, bytemuck::bytes_of(&cameras));
         if let (Some(bend), Some(sections)) = (&self.bend, sections) {
             bend.set_times(gpu, &winds.map(|wind| sections.now(wind)));
@@ -125,7 +131,7 @@ impl MotionPass {
         drawn: Drawn<'_>,
         samplers: &Samplers,
         [color, depth]: [&wgpu::TextureView; 2],
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("motion"),

@@ -7,7 +7,7 @@ use crate::gpu::Gpu;
 use crate::passes::bend::{self, BendPass, Carrier, Ride};
 use crate::scene::{Instance, Scene};
 use crate::shader::{Defines, assemble};
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 use wgpu::BufferUsages as Use;
 
 /// Bytes of an instance's rows, and number of instances in a work group.
@@ -45,7 +45,7 @@ pub(crate) fn within(limits: &wgpu::Limits, instances: usize) -> bool {
 }
 
 impl PlacePass {
-    pub(crate) fn new(gpu: &Gpu, bend: &BendPass, stats: &mut Stats) -> PlacePass {
+    pub(crate) fn new(gpu: &Gpu, bend: &BendPass, stats: &mut RenderStatistics) -> PlacePass {
         stats.pipeline("place");
         let defines = bend::defines(Defines::default(), Some(Ride::Instances), 0);
         let source = assemble(&[bend::SOURCE, include_str!("place.wgsl")].concat(), &defines);

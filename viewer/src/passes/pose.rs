@@ -5,10 +5,10 @@
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, RIGID, Ride};
-use crate::passes::reach::{Oriented, boxes};
-use crate::scene::{Poses, Scene, Seat};
+use crate::passes::bounds::{Oriented, boxes};
+use crate::scene::{PoseHierarchy, Scene, SectionSeat};
 use crate::shader::{Defines, assemble};
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 use glam::Vec3;
 use std::cell::Cell;
 use std::sync::Arc;
@@ -76,7 +76,7 @@ impl Kernel {
 
 /// The pose of all plants on the adapter.
 pub(crate) struct PosePass {
-    poses: Arc<Poses>,
+    poses: Arc<PoseHierarchy>,
     amplitudes: wgpu::Buffer,
     turns: Option<wgpu::Buffer>,
     /// The box around everything that each branch carries: two corners of four numbers each.
@@ -91,7 +91,7 @@ pub(crate) struct PosePass {
 }
 
 /// Whether an adapter can pose what a scene has. If not, the CPU does.
-pub(crate) fn possible(gpu: &Gpu, poses: &Poses) -> bool {
+pub(crate) fn possible(gpu: &Gpu, poses: &PoseHierarchy) -> bool {
     within(&gpu.device.limits(), poses.limbs.len(), poses.pieces.len(), poses.seats.len())
 }
 
@@ -109,9 +109,9 @@ impl PosePass {
     pub(crate) fn new(
         gpu: &Gpu,
         scene: &Scene,
-        poses: &Arc<Poses>,
+        poses: &Arc<PoseHierarchy>,
         sections: &wgpu::Buffer,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) -> PosePass {
         let groups = in_groups(gpu, poses);
         let order = order(poses);
@@ -234,7 +234,7 @@ impl PosePass {
 
 /// Whether a group of invocations shares the work on each branch. That is what a GPU is quick at, which has thousands
 /// of invocations waiting side by side. A software adapter has few, and is quicker where each has a branch of its own.
-fn in_groups(gpu: &Gpu, poses: &Poses) -> bool {
+fn in_groups(gpu: &Gpu, poses: &PoseHierarchy) -> bool {
     let most = gpu.device.limits().max_compute_workgroups_per_dimension as usize;
     if !gpu.groups || poses.limbs.len() > most {
         return false;
@@ -256,7 +256,7 @@ fn four(v: Vec3, w: f32) -> [f32; 4] {
 }
 
 /// The mark of its branch on which a section sits: the beginning of a piece, or the tip, which comes last.
-fn mark(poses: &Poses, seat: &Seat) -> Option<u32> {
+fn mark(poses: &PoseHierarchy, seat: &SectionSeat) -> Option<u32> {
     let [first, count] = poses.limbs[seat.limb as usize].pieces;
     if seat.share == 1.0 {
         return Some(count);
@@ -265,9 +265,9 @@ fn mark(poses: &Poses, seat: &Seat) -> Option<u32> {
 }
 
 /// The sections in the order of their branches: first those on marks, and then those on the branch's pieces in order.
-fn order(poses: &Poses) -> Vec<u32> {
+fn order(poses: &PoseHierarchy) -> Vec<u32> {
     let mut all: Vec<u32> = (0..poses.seats.len() as u32).collect();
-    let key = |seat: &Seat| (seat.limb, mark(poses, seat).is_none(), seat.piece);
+    let key = |seat: &SectionSeat| (seat.limb, mark(poses, seat).is_none(), seat.piece);
     all.sort_by_key(|k| key(&poses.seats[*k as usize]));
     all
 }
@@ -275,7 +275,7 @@ fn order(poses: &Poses) -> Vec<u32> {
 /// Sections on a branch, and on no mark, that follow each other in this order, each on the same piece as the one before
 /// or on the next: the branch, the piece of the first one among all pieces, its place in the order, and their number.
 /// The longest come first, so that invocations beside each other have as much to do.
-fn runs(poses: &Poses, order: &[u32]) -> Vec<[u32; 4]> {
+fn runs(poses: &PoseHierarchy, order: &[u32]) -> Vec<[u32; 4]> {
     let seat = |k: &u32| &poses.seats[*k as usize];
     let marked = |k: &u32| mark(poses, seat(k)).is_some();
     let near = |a: &u32, b: &u32| seat(a).limb == seat(b).limb && seat(b).piece.wrapping_sub(seat(a).piece) <= 1;
@@ -283,7 +283,7 @@ fn runs(poses: &Poses, order: &[u32]) -> Vec<[u32; 4]> {
     let mut first = 0;
     for some in order.chunk_by(|a, b| marked(a) == marked(b) && near(a, b)) {
         for run in some.chunks(LONGEST) {
-            let Seat { limb, piece, .. } = *seat(&run[0]);
+            let SectionSeat { limb, piece, .. } = *seat(&run[0]);
             if !marked(&run[0]) {
                 all.push([limb, poses.limbs[limb as usize].pieces[0] + piece, first, run.len() as u32]);
             }
@@ -294,10 +294,10 @@ fn runs(poses: &Poses, order: &[u32]) -> Vec<[u32; 4]> {
     all
 }
 
-fn limbs(poses: &Poses, order: &[u32]) -> Vec<[[f32; 4]; 8]> {
+fn limbs(poses: &PoseHierarchy, order: &[u32]) -> Vec<[[f32; 4]; 8]> {
     let seat = |k: &u32| &poses.seats[*k as usize];
     let begin = |limb: usize| order.partition_point(|k| (seat(k).limb as usize) < limb);
-    let one = |(k, limb): (usize, &crate::scene::Limb)| {
+    let one = |(k, limb): (usize, &crate::scene::PoseLimb)| {
         let [alpha, ln_alpha, ell] = limb.taper;
         let parent = limb.parent.map_or(-1, |p| p as i32) as u32;
         let [piece, pieces] = limb.pieces;
@@ -318,13 +318,13 @@ fn limbs(poses: &Poses, order: &[u32]) -> Vec<[[f32; 4]; 8]> {
     poses.limbs.iter().enumerate().map(one).collect()
 }
 
-fn pieces(poses: &Poses) -> Vec<[[f32; 4]; 2]> {
+fn pieces(poses: &PoseHierarchy) -> Vec<[[f32; 4]; 2]> {
     poses.pieces.iter().map(|p| [four(p.place, p.begin), four(p.way, 0.0)]).collect()
 }
 
 /// Where sections sit. Without anything that hangs beside an axis or turns, there is no more to read of a section than
 /// its share, or its mark, and its number.
-fn seats(poses: &Poses, order: &[u32], hangs: bool) -> Vec<f32> {
+fn seats(poses: &PoseHierarchy, order: &[u32], hangs: bool) -> Vec<f32> {
     let one = |section: &u32| {
         let seat = &poses.seats[*section as usize];
         let place = mark(poses, seat).map_or(seat.share, bits);
@@ -334,7 +334,7 @@ fn seats(poses: &Poses, order: &[u32], hangs: bool) -> Vec<f32> {
     order.iter().flat_map(one).collect()
 }
 
-fn oriented(poses: &Poses, order: &[u32], around: &[Option<Oriented>]) -> Vec<[[f32; 4]; 4]> {
+fn oriented(poses: &PoseHierarchy, order: &[u32], around: &[Option<Oriented>]) -> Vec<[[f32; 4]; 4]> {
     let one = |section: &u32| match around[*section as usize] {
         Some((centre, [x, y, z])) => {
             [four(centre - poses.seats[*section as usize].from, 1.0), four(x, 0.0), four(y, 0.0), four(z, 0.0)]

@@ -12,7 +12,7 @@ use crate::passes::main::Drawn;
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
 use crate::scene::{Scene, Sun};
 use crate::shader::{Defines, assemble};
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 use crate::variant::Variant;
 use glam::{Mat4, Vec3, Vec4};
 use std::collections::HashMap;
@@ -100,7 +100,7 @@ impl ShadowPass {
         corners: &[Vec3],
         drawn: Drawn<'_>,
         samplers: &Samplers,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) -> (ShadowPass, f32) {
         let device = &gpu.device;
         let (layers, resolution) = (scene.shadow_samples, scene.shadow_resolution);
@@ -206,7 +206,14 @@ impl ShadowPass {
     }
 
     /// Lets the maps follow the boxes of `parts`, which move on the adapter, and points that stand `still`.
-    pub(crate) fn follow(&mut self, gpu: &Gpu, parts: &wgpu::Buffer, sun: &Sun, still: Vec<Vec3>, stats: &mut Stats) {
+    pub(crate) fn follow(
+        &mut self,
+        gpu: &Gpu,
+        parts: &wgpu::Buffer,
+        sun: &Sun,
+        still: Vec<Vec3>,
+        stats: &mut RenderStatistics,
+    ) {
         stats.pipeline("shadow: fit");
         stats.pipeline("shadow: clear");
         let directions = disk_directions(sun, self.layers.len() as u32);
@@ -254,7 +261,7 @@ impl ShadowPass {
         bend: Option<&BendPass>,
         frame: &wgpu::Buffer,
         times: Option<(&wgpu::QuerySet, u32)>,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) -> bool {
         if let Some(fit) = &self.fit {
             if !self.drawn {

@@ -4,8 +4,8 @@
 use crate::gpu::Gpu;
 use crate::passes::fullscreen;
 use crate::passes::main::DEPTH;
-use crate::scene::{Camera, Dome, Sun};
-use crate::stats::Stats;
+use crate::scene::{Camera, SkyDome, Sun};
+use crate::stats::RenderStatistics;
 use glam::Vec3;
 
 #[repr(C)]
@@ -38,7 +38,7 @@ pub(crate) fn pixel_rays(camera: &Camera, size: [u32; 2]) -> (f32, [Vec3; 3]) {
 }
 
 impl SkyPass {
-    pub(crate) fn new(gpu: &Gpu, msaa: u32, stats: &mut Stats) -> SkyPass {
+    pub(crate) fn new(gpu: &Gpu, msaa: u32, stats: &mut RenderStatistics) -> SkyPass {
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("sky"),
             entries: &[wgpu::BindGroupLayoutEntry {
@@ -85,7 +85,7 @@ impl SkyPass {
     pub(crate) fn aim(
         &self,
         gpu: &Gpu,
-        dome: &Dome,
+        dome: &SkyDome,
         sun: Option<&Sun>,
         background: [f32; 3],
         camera: &Camera,
@@ -114,7 +114,7 @@ impl SkyPass {
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
 
-    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut Stats) {
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, stats: &mut RenderStatistics) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
         pass.draw(0..3, 0..1);

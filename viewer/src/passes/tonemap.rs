@@ -2,7 +2,7 @@
 
 use crate::gpu::Gpu;
 use crate::passes::fullscreen;
-use crate::stats::Stats;
+use crate::stats::RenderStatistics;
 
 /// The shader does the encoding, so that rounding is the same on every adapter.
 pub(crate) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -76,7 +76,7 @@ impl TonemapPass {
         radiance: &wgpu::BindGroup,
         target: &wgpu::TextureView,
         times: Option<wgpu::RenderPassTimestampWrites<'_>>,
-        stats: &mut Stats,
+        stats: &mut RenderStatistics,
     ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("tonemap"),

@@ -3,8 +3,8 @@
 
 use crate::dome::{harmonic, norm};
 use crate::gpu::Gpu;
-use crate::scene::{Dome, Scene, Sun, Transfer};
-use crate::stats::Stats;
+use crate::scene::{RadianceTransfer, Scene, SkyDome, Sun};
+use crate::stats::RenderStatistics;
 use std::f64::consts::PI;
 
 /// The operators, and the light that arrives through them.
@@ -25,7 +25,7 @@ pub(crate) struct TransferPass {
 #[derive(Clone, Copy)]
 pub(crate) struct Lit<'a> {
     pub sky: Option<[f32; 3]>,
-    pub dome: Option<&'a Dome>,
+    pub dome: Option<&'a SkyDome>,
     pub sun: Option<&'a Sun>,
 }
 
@@ -67,7 +67,7 @@ fn order(k: usize) -> (usize, isize) {
 
 /// The entries as four half floats each. Rows of harmonics are multiplied by the factors that the shader's recurrence
 /// leaves out.
-fn packed(scene: &Scene, transfer: &Transfer) -> Vec<[u16; 4]> {
+fn packed(scene: &Scene, transfer: &RadianceTransfer) -> Vec<[u16; 4]> {
     let columns = columns(transfer);
     let mut factors = vec![1f32; transfer.entries.len() / columns];
     for instance in &scene.instances {
@@ -89,13 +89,13 @@ fn packed(scene: &Scene, transfer: &Transfer) -> Vec<[u16; 4]> {
 }
 
 /// Number of columns of a transfer.
-pub(crate) fn columns(transfer: &Transfer) -> usize {
+pub(crate) fn columns(transfer: &RadianceTransfer) -> usize {
     transfer.bands.map_or(1, |bands| bands * bands)
 }
 
 impl TransferPass {
     /// Uploads the operators and computes the light that arrives; `None` for a scene without a transfer.
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut Stats) -> Option<TransferPass> {
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, stats: &mut RenderStatistics) -> Option<TransferPass> {
         use wgpu::BufferUsages as Use;
         let transfer = scene.transfer.as_ref()?;
         let columns = columns(transfer);
@@ -160,14 +160,14 @@ impl TransferPass {
             cache: None,
         });
         stats.pipeline("transfer");
-        let Transfer { bands, scale, .. } = *transfer;
+        let RadianceTransfer { bands, scale, .. } = *transfer;
         let mut pass = TransferPass { arriving, light, group, pipeline, rows, bands, scale, now: Vec::new() };
         pass.set_light(gpu, &Lit::of(scene), stats);
         Some(pass)
     }
 
     /// Computes the light that arrives again if the light has changed.
-    pub(crate) fn set_light(&mut self, gpu: &Gpu, lit: &Lit, stats: &mut Stats) {
+    pub(crate) fn set_light(&mut self, gpu: &Gpu, lit: &Lit, stats: &mut RenderStatistics) {
         let columns = lit.columns(self.bands, self.scale);
         if columns == self.now {
             return;

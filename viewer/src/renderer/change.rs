@@ -7,8 +7,8 @@ use crate::material::MaterialOnGpu;
 use crate::passes::backdrop::BackdropPass;
 use crate::passes::main::Pipelines;
 use crate::passes::transfer::Lit;
-use crate::scene::{Dome, Scene, Wind};
-use crate::validate;
+use crate::scene::{Scene, SkyDome, WindState};
+use crate::validation;
 use crate::variant::{Variant, shadow_layers};
 
 impl Renderer {
@@ -32,7 +32,7 @@ impl Renderer {
         if !same {
             return self.set_scene(scene);
         }
-        validate::lights(&self.gpu, scene)?;
+        validation::lights(&self.gpu, scene)?;
         let Some(loaded) = &mut self.loaded else { return Ok(()) };
         if let (Some(sun), Some(shadow)) = (scene.sun, &mut loaded.shadow)
             && loaded.sun.is_none_or(|old| old.direction != sun.direction || old.radius != sun.radius)
@@ -43,7 +43,7 @@ impl Renderer {
         loaded.scanner = scene.scanner;
         if let Some(dome) = &scene.dome {
             loaded.main.set_dome(&self.gpu, dome);
-            let shown = |d: &Dome| d.picture.as_ref().map(|p| std::sync::Arc::as_ptr(&p.texels));
+            let shown = |d: &SkyDome| d.picture.as_ref().map(|p| std::sync::Arc::as_ptr(&p.texels));
             if let Some(picture) =
                 dome.picture.as_ref().filter(|_| loaded.dome.as_ref().map(shown) != Some(shown(dome)))
             {
@@ -63,7 +63,7 @@ impl Renderer {
     }
 
     /// Takes over another time of the wind. Everything that sections carry moves, and its shadows with it.
-    pub fn set_time(&mut self, wind: &Wind) {
+    pub fn set_time(&mut self, wind: &WindState) {
         let Some(loaded) = &mut self.loaded else { return };
         if let Some(grass) = &mut loaded.grass {
             grass.time = wind.time_s;
@@ -90,7 +90,7 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::set_scene`].
     pub fn set_material(&mut self, scene: &Scene, index: usize) -> Result<()> {
-        validate::material(&self.gpu, scene, index)?;
+        validation::material(&self.gpu, scene, index)?;
         let Some(loaded) = &mut self.loaded else { return self.set_scene(scene) };
         let Some(before) = loaded.materials.get(index).and_then(Option::as_ref) else { return Ok(()) };
         let guard = Guard::new(&self.gpu);

@@ -5,16 +5,16 @@ use crate::error::{Error, Result};
 use crate::passes::bend;
 use crate::readback;
 use crate::scene::{Camera, Scene};
-use crate::timing::{Clock, PASSES, Timing};
+use crate::timing::{Clock, FrameTiming, PASSES};
 use crate::variant::Variant;
 use glam::{Vec3, Vec4};
 use std::time::Instant;
 
 impl Renderer {
     /// Draws the picture `frames` times after one to warm up, without reading it back.
-    pub fn time(&mut self, camera: &Camera, width: u32, height: u32, frames: usize) -> Result<Timing> {
+    pub fn time(&mut self, camera: &Camera, width: u32, height: u32, frames: usize) -> Result<FrameTiming> {
         let clock = Clock::new(&self.gpu);
-        let mut timing = Timing::default();
+        let mut timing = FrameTiming::default();
         if let Some(shadow) = self.loaded.as_mut().and_then(|l| l.shadow.as_mut()) {
             shadow.forget();
         }

@@ -32,11 +32,11 @@ use crate::passes::sky::SkyPass;
 use crate::passes::tonemap::TonemapPass;
 use crate::passes::transfer::TransferPass;
 use crate::readback;
-use crate::scene::{Camera, Dome, Material, Mesh, Scanner, Scene, Sections, Sun};
-use crate::stats::Stats;
-use crate::thin::Seen;
+use crate::scene::{Camera, Material, Mesh, Scanner, Scene, SectionAnimation, SkyDome, Sun};
+use crate::stats::RenderStatistics;
+use crate::thinning::Seen;
 use crate::timing::Clock;
-use crate::validate;
+use crate::validation;
 use crate::variant::shadow_layers;
 use glam::Vec3;
 use std::sync::Arc;
@@ -56,7 +56,7 @@ pub struct Renderer {
     /// The last frame of `draw_ahead`.
     #[cfg(not(target_arch = "wasm32"))]
     under_way: Option<wgpu::SubmissionIndex>,
-    stats: Stats,
+    stats: RenderStatistics,
 }
 
 /// A scene on the adapter.
@@ -88,7 +88,7 @@ struct Loaded {
     ball: (Vec3, f32),
     sun: Option<Sun>,
     sky: Option<[f32; 3]>,
-    dome: Option<Dome>,
+    dome: Option<SkyDome>,
     scanner: Option<Scanner>,
     background: [f32; 3],
     shadow_texel: f32,
@@ -116,7 +116,7 @@ impl Renderer {
             backdrop_shown: true,
             #[cfg(not(target_arch = "wasm32"))]
             under_way: None,
-            stats: Stats::default(),
+            stats: RenderStatistics::default(),
             gpu,
         }
     }
@@ -132,7 +132,7 @@ impl Renderer {
     }
 
     /// What was created, uploaded and drawn.
-    pub fn stats(&self) -> &Stats {
+    pub fn stats(&self) -> &RenderStatistics {
         &self.stats
     }
 
@@ -142,9 +142,9 @@ impl Renderer {
     /// `Scene` or `Size` where the data contradict themselves or exceed the adapter; the previous scene then stays.
     /// `Device` where the adapter runs out of memory or refuses a shader; then no scene is left.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<()> {
-        validate::scene(&self.gpu, scene)?;
+        validation::scene(&self.gpu, scene)?;
         let mut without_poses = None;
-        if let Some(Sections { poses: Some(poses), .. }) = &scene.sections
+        if let Some(SectionAnimation { poses: Some(poses), .. }) = &scene.sections
             && !pose::possible(&self.gpu, poses)
         {
             let mut scene = scene.clone();
@@ -153,8 +153,8 @@ impl Renderer {
         }
         let scene = without_poses.as_ref().unwrap_or(scene);
         let guard = Guard::new(&self.gpu);
-        let Stats { draws, shadow_renders, transfers, .. } = self.stats;
-        let mut stats = Stats { draws, shadow_renders, transfers, ..Stats::default() };
+        let RenderStatistics { draws, shadow_renders, transfers, .. } = self.stats;
+        let mut stats = RenderStatistics { draws, shadow_renders, transfers, ..RenderStatistics::default() };
         let points = bend::points(scene);
         let mut batches = Batch::all(&self.gpu, scene, &points, &mut stats);
         let choose = ChoosePass::new(&self.gpu, &mut batches, &mut stats);
@@ -253,8 +253,8 @@ impl Renderer {
         height: u32,
         clock: Option<&Clock>,
     ) -> Result<()> {
-        validate::camera(camera)?;
-        validate::picture(&self.gpu, width, height)?;
+        validation::camera(camera)?;
+        validation::picture(&self.gpu, width, height)?;
         let Some(loaded) = &mut self.loaded else {
             return Err(Error::Scene {
                 place: "renderer".into(),

@@ -6,10 +6,10 @@ use crate::geometry::view_projection;
 use crate::guard::Guard;
 use crate::passes::main::DEPTH;
 use crate::passes::motion::{Cameras, MotionPass};
-use crate::readback::Copy;
-use crate::scene::{Camera, Scene, Wind};
-use crate::thin::Seen;
-use crate::validate;
+use crate::readback::TextureCopy;
+use crate::scene::{Camera, Scene, WindState};
+use crate::thinning::Seen;
+use crate::validation;
 
 impl Renderer {
     /// The movement of every pixel's surface since it was seen by `earlier`, when the wind was `before`: pixels to the
@@ -26,13 +26,13 @@ impl Renderer {
         scene: &Scene,
         camera: &Camera,
         earlier: &Camera,
-        before: Option<&Wind>,
+        before: Option<&WindState>,
         width: u32,
         height: u32,
     ) -> Result<Vec<Option<[f32; 2]>>> {
-        validate::camera(camera)?;
-        validate::camera(earlier)?;
-        validate::picture(&self.gpu, width, height)?;
+        validation::camera(camera)?;
+        validation::camera(earlier)?;
+        validation::picture(&self.gpu, width, height)?;
         let Some(loaded) = self.loaded.as_mut().filter(|l| l.scanner.is_none()) else {
             return Err(Error::Scene {
                 place: "motion vectors".into(),
@@ -41,7 +41,7 @@ impl Renderer {
             });
         };
         if loaded.motion.is_none() {
-            validate::sections(&self.gpu, scene, 2)?;
+            validation::sections(&self.gpu, scene, 2)?;
         }
         let guard = Guard::new(&self.gpu);
         let gpu = &self.gpu;
@@ -82,7 +82,7 @@ impl Renderer {
         let views = [&target, &depth].map(|t| t.create_view(&Default::default()));
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         pass.draw(gpu, &mut encoder, loaded.drawn(), &self.samplers, [&views[0], &views[1]], &mut self.stats);
-        let copy = Copy::record(gpu, &mut encoder, &target);
+        let copy = TextureCopy::record(gpu, &mut encoder, &target);
         gpu.queue.submit([encoder.finish()]);
         loaded.batches.iter_mut().for_each(|batch| batch.put_back(gpu));
         loaded.motion = Some(pass);

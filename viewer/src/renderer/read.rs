@@ -4,7 +4,7 @@ use super::Renderer;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Options, headless};
 use crate::picture::Picture;
-use crate::readback::Copy;
+use crate::readback::TextureCopy;
 use crate::scene::Camera;
 use glam::Vec3;
 
@@ -25,8 +25,8 @@ impl Renderer {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.record(&mut encoder, camera, width, height, None)?;
         let Some(targets) = &self.targets else { return Err(Error::Readback("no target".into())) };
-        let hdr = Copy::record(&self.gpu, &mut encoder, &targets.hdr);
-        let ldr = Copy::record(&self.gpu, &mut encoder, &targets.ldr);
+        let hdr = TextureCopy::record(&self.gpu, &mut encoder, &targets.hdr);
+        let ldr = TextureCopy::record(&self.gpu, &mut encoder, &targets.ldr);
         self.gpu.queue.submit([encoder.finish()]);
         let picture = Picture { width, height, hdr: hdr.floats(&self.gpu)?, ldr: ldr.bytes(&self.gpu)? };
         self.count()?;

@@ -1,11 +1,11 @@
 //! The look of a leaf: maps of either side, the source of its reflectance and transmittance, and its translucency.
 
-use super::{Basis, Lobe, Sides};
+use super::{Lobe, Sides, TranslucencyBasis};
 use serde::{Deserialize, Serialize};
 
 /// A leaf: maps for either side, on a mesh whose normals point out of the front.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Leaf {
+pub struct LeafMaterial {
     /// Name of the leaf in printed text.
     pub name: String,
     /// Columns of the maps, which all have the same size, in texels.
@@ -49,14 +49,14 @@ pub struct SideMaps {
 pub struct Translucency {
     /// The basis, which is the same on both sides of a leaf. For a flat, uniform leaf the coefficient of each function
     /// is √(2π)/3 in either basis.
-    pub basis: Basis,
+    pub basis: TranslucencyBasis,
     /// The coefficients of all channels together, or of each channel.
-    pub coefficients: Coefficients,
+    pub coefficients: CoefficientMaps,
 }
 
 /// Three coefficients for each texel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Coefficients {
+pub enum CoefficientMaps {
     /// f(x, ω), which replaces the cosine n·ω and is multiplied by ρt.
     Factor(Vec<[f32; 3]>),
     /// M(x, ω) = ρt·f for each channel (red, green, blue), which replaces both. Each channel has three coefficients.
@@ -74,8 +74,8 @@ impl Translucency {
     /// The coefficient maps: a single one, or one for each channel.
     pub fn layers(&self) -> &[Vec<[f32; 3]>] {
         match &self.coefficients {
-            Coefficients::Factor(map) => std::slice::from_ref(map),
-            Coefficients::Colour(maps) => maps,
+            CoefficientMaps::Factor(map) => std::slice::from_ref(map),
+            CoefficientMaps::Colour(maps) => maps,
         }
     }
 

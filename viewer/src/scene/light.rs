@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// The rows of an anchor are ∫ L(ω) ω dω over the directions on its front (x, y, z), the same over those on its back,
 /// and for glossy leaves ∫ L(ω) Y_lm(ω) dω at l(l+1)+m. Wood and ground have one row, the irradiance on their front.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Transfer {
+pub struct RadianceTransfer {
     /// Number of bands of the light's harmonics, whose square is the number of columns. `None` means one column: the
     /// light of the scene itself, which must not change.
     pub bands: Option<usize>,
@@ -28,7 +28,7 @@ pub struct Transfer {
 
 /// The places on a mesh at which arriving light is known.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Anchors {
+pub struct AnchorGrid {
     /// Number of anchors along each piece of the mesh and across it; 1 by 1 where every vertex is an anchor.
     pub grid: [u32; 2],
     /// For each vertex, the first anchor of its piece, and its place in the grid, 0 to `grid − 1`.
@@ -41,7 +41,7 @@ pub struct Anchors {
     pub levels: u32,
 }
 
-impl Anchors {
+impl AnchorGrid {
     /// Number of anchors along a piece and across it, on a level.
     pub fn level(&self, level: u32) -> [u32; 2] {
         self.grid.map(|n| (n >> level).max(1))
@@ -116,7 +116,7 @@ pub struct Scanner {
 
 /// A sky: its light on the leaves, and its look behind them. The caller decides where the numbers come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Dome {
+pub struct SkyDome {
     /// Coefficients of the radiance all around, below the horizon too, in real orthonormal harmonics without the
     /// Condon–Shortley phase, at l(l+1)+m, in world directions with z up. There are N² of them, N from 1 to 7.
     pub harmonics: Vec<[f32; 3]>,
@@ -137,7 +137,7 @@ pub struct Dome {
     pub turbidity: f32,
 }
 
-impl Dome {
+impl SkyDome {
     /// Whether the sky is a model: it follows the sun and ends at the horizon.
     pub fn is_model(&self) -> bool {
         self.turbidity > 0.0

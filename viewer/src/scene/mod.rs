@@ -63,12 +63,14 @@ mod motion;
 
 pub use crate::grass::{GRASS_STEPS, Grass, GrassGusts, GrassHill, GrassLevel, GrassSheet, GrassTable, MOST_SLICES};
 use glam::{Mat4, Vec2, Vec3, Vec4};
-pub use leaf::{Coefficients, HALF_LIFE_2, Interior, Leaf, SideMaps, SlabCurve, Translucency};
-pub use light::{Anchors, Backdrop, Dome, Scanner, Sun, Transfer};
-pub use mesophyll_base::surface::basis::Basis;
+pub use leaf::{CoefficientMaps, HALF_LIFE_2, Interior, LeafMaterial, SideMaps, SlabCurve, Translucency};
+pub use light::{AnchorGrid, Backdrop, RadianceTransfer, Scanner, SkyDome, Sun};
+pub use mesophyll_base::surface::basis::TranslucencyBasis;
 pub use mesophyll_base::surface::gloss::Lobe;
 pub use mesophyll_base::surface::side::{Side, Sides};
-pub use motion::{Carried, Limb, Piece, Poses, Seat, Section, Sections, Wind};
+pub use motion::{
+    AxisPiece, PoseHierarchy, PoseLimb, SectionAnimation, SectionBinding, SectionMotion, SectionSeat, WindState,
+};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -87,7 +89,7 @@ pub struct Scene {
     pub sky: Option<[f32; 3]>,
     /// A sky that depends on direction, instead of a constant one. With `None`, the shader has no code for it, and
     /// there is no pass for the sky.
-    pub dome: Option<Dome>,
+    pub dome: Option<SkyDome>,
     /// A scanner instead of sun and sky; [`Renderer::scan`](crate::Renderer::scan) draws its picture. With `None`, the
     /// shader has no code for it.
     pub scanner: Option<Scanner>,
@@ -112,15 +114,15 @@ pub struct Scene {
     /// Number of samples for each pixel, 1 or 4.
     pub msaa: u32,
     /// The wind, whose time moves sections and lawns. With `None`, the time is 0.
-    pub wind: Option<Wind>,
+    pub wind: Option<WindState>,
     /// Cross-sections of plants that carry leaves and bark, at the wind's time. With `None`, plants stand still. They
     /// are computed, so they are not written with the scene.
     #[serde(skip)]
-    pub sections: Option<Sections>,
+    pub sections: Option<SectionAnimation>,
     /// How light arrives between and by way of other surfaces. Every mesh with an instance then needs [`Anchors`], and
     /// every instance a first row. With `None`, every surface is lit as if it stood alone, except for the sun's
     /// shadows.
-    pub transfer: Option<Transfer>,
+    pub transfer: Option<RadianceTransfer>,
     /// 255 times the share of the sun's disk that each vertex sees for the sun's present direction, for all instances
     /// with a [`Instance::first_share`]. These instances do not use the shadow maps.
     pub sun_shares: Option<Arc<Vec<u8>>>,
@@ -139,7 +141,7 @@ pub struct Instance {
     /// From the mesh's frame to the world.
     pub transform: Mat4,
     /// The section of the scene that carries it. The transform is its place at rest.
-    pub carried: Option<Carried>,
+    pub carried: Option<SectionBinding>,
     /// First row of its anchors in the scene's [`Transfer`].
     pub first_row: u32,
     /// The level of its anchors ([`Anchors::levels`]) with which its rows begin. Finer levels are not stored, because
@@ -159,15 +161,15 @@ pub struct Instance {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Material {
     /// A leaf, which transmits light.
-    Leaf(Leaf),
+    Leaf(LeafMaterial),
     /// A surface that transmits nothing.
-    Opaque(Opaque),
+    Opaque(OpaqueMaterial),
 }
 
 /// Bark or ground: a diffuse surface of one colour that transmits nothing. It is seen from the side that its mesh's
 /// normals point to; its inside is black.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Opaque {
+pub struct OpaqueMaterial {
     /// Name of the surface in printed text.
     pub name: String,
     /// Reflectance (red, green, blue), 0 to 1.
@@ -191,14 +193,14 @@ pub struct Mesh {
     pub indices: Vec<u32>,
     /// Coarser triangulations of the same vertices, for places where the mesh is small in the picture. The finest is
     /// first; the list may be empty.
-    pub details: Vec<Detail>,
+    pub details: Vec<DetailLevel>,
     /// The anchors of the mesh, which a scene with a [`Transfer`] needs.
-    pub anchors: Option<Anchors>,
+    pub anchors: Option<AnchorGrid>,
 }
 
 /// A coarser triangulation.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Detail {
+pub struct DetailLevel {
     /// Indices of the vertices, three for each triangle.
     pub indices: Vec<u32>,
     /// Its largest distance from the mesh, in the mesh's units.
@@ -218,7 +220,7 @@ impl Material {
     }
 
     /// The leaf, or `None` for another surface.
-    pub fn leaf(&self) -> Option<&Leaf> {
+    pub fn leaf(&self) -> Option<&LeafMaterial> {
         match self {
             Material::Leaf(leaf) => Some(leaf),
             Material::Opaque(_) => None,
@@ -228,12 +230,12 @@ impl Material {
 
 impl Scene {
     /// The leaf with this index among the materials; `None` if there is none, or if it is another surface.
-    pub fn leaf(&self, material: usize) -> Option<&Leaf> {
+    pub fn leaf(&self, material: usize) -> Option<&LeafMaterial> {
         self.materials.get(material)?.leaf()
     }
 
     /// As [`Scene::leaf`], for changing it.
-    pub fn leaf_mut(&mut self, material: usize) -> Option<&mut Leaf> {
+    pub fn leaf_mut(&mut self, material: usize) -> Option<&mut LeafMaterial> {
         match self.materials.get_mut(material)? {
             Material::Leaf(leaf) => Some(leaf),
             Material::Opaque(_) => None,

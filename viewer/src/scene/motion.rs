@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// How sections carry an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Carried {
+pub struct SectionBinding {
     /// The section, or the first section if the vertices have sections of their own.
     pub first: u32,
     /// First entry in [`Sections::of_vertices`] for the mesh's vertices. With `None`, one section carries the whole
@@ -18,7 +18,7 @@ pub struct Carried {
 
 /// Rigid motions in world space at a time (s). Each is that of a cross-section of a plant's branch.
 #[derive(Clone)]
-pub struct Sections {
+pub struct SectionAnimation {
     /// Number of sections, which is the same at any time.
     pub count: usize,
     /// For each vertex of bark, the section that carries it, counted from the instance's first section.
@@ -26,20 +26,20 @@ pub struct Sections {
     /// Whether normals and tangents turn with the sections. If not, surfaces are lit as if they had not turned.
     pub turn_normals: bool,
     /// Computes all sections at a time (s).
-    pub at: Arc<dyn Fn(f64) -> Vec<Section> + Send + Sync>,
+    pub at: Arc<dyn Fn(f64) -> Vec<SectionMotion> + Send + Sync>,
     /// How the adapter computes the same sections for pictures; without it, the CPU computes them for each time.
-    pub poses: Option<Arc<Poses>>,
+    pub poses: Option<Arc<PoseHierarchy>>,
 }
 
 /// A hierarchy of branches that bend, for the adapter ([`Sections::poses`]). Places and directions are in world space
 /// and at rest.
-pub struct Poses {
+pub struct PoseHierarchy {
     /// The branches. A parent stands before what grows on it.
-    pub limbs: Vec<Limb>,
+    pub limbs: Vec<PoseLimb>,
     /// The pieces of the axes of all branches, in the order of the branches; no two branches share any.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<AxisPiece>,
     /// Where each section sits, in the order of the sections.
-    pub seats: Vec<Seat>,
+    pub seats: Vec<SectionSeat>,
     /// Whether lengths of branches are kept in closed form only.
     pub closed_form: bool,
     /// The amplitude of each branch towards its r and s at a time (s).
@@ -50,7 +50,7 @@ pub struct Poses {
 
 /// A branch that bends in its own frame, and follows its parent where it grows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limb {
+pub struct PoseLimb {
     /// The place where it begins.
     pub root: Vec3,
     /// Unit vectors from root to tip (t) and across (r).
@@ -73,7 +73,7 @@ pub struct Limb {
 
 /// A straight piece of a branch's axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Piece {
+pub struct AxisPiece {
     /// The share of the branch's length at which it begins.
     pub begin: f32,
     /// Where it begins, from the branch's root.
@@ -84,7 +84,7 @@ pub struct Piece {
 
 /// Where a section sits on a branch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seat {
+pub struct SectionSeat {
     /// The branch.
     pub limb: u32,
     /// 0 at the root, 1 at the tip.
@@ -101,7 +101,7 @@ pub struct Seat {
 
 /// A rigid motion: it moves a point p to `to` + `turn` (p − `from`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Section {
+pub struct SectionMotion {
     /// A point at rest.
     pub from: Vec3,
     /// The place that this point moves to.
@@ -110,7 +110,7 @@ pub struct Section {
     pub turn: Quat,
 }
 
-impl std::fmt::Debug for Sections {
+impl std::fmt::Debug for SectionAnimation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Sections({}, of {} vertices)", self.count, self.of_vertices.len())
     }
@@ -118,7 +118,7 @@ impl std::fmt::Debug for Sections {
 
 /// The wind of a scene, which moves sections and lawns.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Wind {
+pub struct WindState {
     /// Time since the beginning of the scene.
     pub time_s: f64,
 }

@@ -3,7 +3,7 @@
 use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::Error;
-use mesophyll_viewer::scene::{Backdrop, Camera, Dome, Sun};
+use mesophyll_viewer::scene::{Backdrop, Camera, SkyDome, Sun};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -90,7 +90,7 @@ fn a_dome_can_look_like_a_picture() {
     scene.sun = Some(Sun { irradiance: [0.3, 0.2, 0.1], radius: 0.1, ..sun(towards) });
     let eye = Vec3::new(0.0, 0.0, 500.0);
     let mut look = |turbidity: f32, ahead: Vec3| {
-        scene.dome = Some(Dome {
+        scene.dome = Some(SkyDome {
             harmonics: vec![[1.0; 3]],
             picture: Some(backdrop()),
             perez: [[0.0; 5]; 3],

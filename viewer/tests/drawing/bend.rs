@@ -2,7 +2,9 @@
 
 use crate::common::*;
 use glam::{Quat, Vec3};
-use mesophyll_viewer::scene::{Carried, Material, Opaque, Poses, Scene, Section, Sections, Wind};
+use mesophyll_viewer::scene::{
+    Material, OpaqueMaterial, PoseHierarchy, Scene, SectionAnimation, SectionBinding, SectionMotion, WindState,
+};
 use mesophyll_viewer::{Picture, Renderer};
 use std::sync::Arc;
 
@@ -13,7 +15,7 @@ fn scene(still: f32) -> Scene {
     scene.sky = Some([0.4, 0.5, 0.6]);
     scene.shadow_samples = 2;
     scene.sections = Some(swinging(&scene.meshes[0], still));
-    scene.instances[0].carried = Some(Carried { first: 0, vertices: Some(0) });
+    scene.instances[0].carried = Some(SectionBinding { first: 0, vertices: Some(0) });
     scene
 }
 
@@ -31,7 +33,7 @@ fn nothing_is_carried_nothing_bends() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = scene(0.3);
     scene.instances[0].carried = None;
-    scene.wind = Some(Wind { time_s: 0.5 });
+    scene.wind = Some(WindState { time_s: 0.5 });
     let still = draw(&mut renderer, &scene);
     assert_eq!(renderer.stats().pipelines, ["shadow: opaque", "main: sun, shadow 2, sky", "tonemap"]);
     for part in ["sections", "rides"] {
@@ -65,17 +67,17 @@ fn sections_that_move_nothing_change_nothing_and_others_do() {
 fn time_moves_sections_and_their_shadows_and_back() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = scene(0.1);
-    scene.wind = Some(Wind { time_s: 0.0 });
+    scene.wind = Some(WindState { time_s: 0.0 });
     let first = draw(&mut renderer, &scene);
     let shadows = renderer.stats().shadow_renders;
-    renderer.set_time(&Wind { time_s: 4.0 });
+    renderer.set_time(&WindState { time_s: 4.0 });
     let second = look(&mut renderer);
     assert_ne!(first.ldr, second.ldr);
     assert_eq!(renderer.stats().shadow_renders, shadows + 1);
-    renderer.set_time(&Wind { time_s: 0.0 });
+    renderer.set_time(&WindState { time_s: 0.0 });
     assert_eq!(look(&mut renderer).hdr, first.hdr);
     // A scene that is set at the later time gives the same picture as the scene that was moved there.
-    scene.wind = Some(Wind { time_s: 4.0 });
+    scene.wind = Some(WindState { time_s: 4.0 });
     assert_eq!(draw(&mut renderer, &scene).hdr, second.hdr);
 }
 
@@ -87,23 +89,23 @@ fn a_section_may_state_its_motion_by_another_point_at_each_time() {
     let one = |time: f64| {
         let turn = Quat::from_rotation_z(0.1 * time as f32);
         let from = Vec3::new(3.0, -2.0, 1.0) * time as f32;
-        Section { from, to: Vec3::new(1.0, 2.0, 0.5) * time as f32 + turn * from, turn }
+        SectionMotion { from, to: Vec3::new(1.0, 2.0, 0.5) * time as f32 + turn * from, turn }
     };
     for vertices in [None, Some(0)] {
         let mut scene = scene(0.0);
-        scene.sections = Some(Sections {
+        scene.sections = Some(SectionAnimation {
             count: 1,
             of_vertices: Arc::new(vec![0; count]),
             turn_normals: true,
             poses: None,
             at: Arc::new(move |time| vec![one(time)]),
         });
-        scene.instances[0].carried = Some(Carried { first: 0, vertices });
-        scene.wind = Some(Wind { time_s: 0.0 });
+        scene.instances[0].carried = Some(SectionBinding { first: 0, vertices });
+        scene.wind = Some(WindState { time_s: 0.0 });
         let first = draw(&mut renderer, &scene);
-        renderer.set_time(&Wind { time_s: 4.0 });
+        renderer.set_time(&WindState { time_s: 4.0 });
         let moved = look(&mut renderer);
-        scene.wind = Some(Wind { time_s: 4.0 });
+        scene.wind = Some(WindState { time_s: 4.0 });
         let there = draw(&mut renderer, &scene);
         let off =
             |a: &Picture, b: &Picture| a.hdr.iter().zip(&b.hdr).filter(|(a, b)| (a[1] - b[1]).abs() > 2e-3).count();
@@ -117,7 +119,7 @@ fn sections_without_a_seat_each_are_refused() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = scene(0.3);
     let count = scene.sections.as_ref().map_or(0, |s| s.count);
-    let poses = Poses {
+    let poses = PoseHierarchy {
         limbs: Vec::new(),
         pieces: Vec::new(),
         seats: Vec::new(),
@@ -137,20 +139,20 @@ fn sections_without_a_seat_each_are_refused() {
 fn surfaces_that_do_not_turn_are_lit_as_at_rest() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = scene_of(uniform_leaf());
-    let matte = Material::Opaque(Opaque { name: "matte".into(), albedo: [0.4, 0.5, 0.6] });
+    let matte = Material::Opaque(OpaqueMaterial { name: "matte".into(), albedo: [0.4, 0.5, 0.6] });
     scene.materials[0] = matte;
     (scene.sun, scene.shadow_samples) = (Some(sun(Vec3::Z)), 0);
     let turn = Quat::from_rotation_y(0.6);
-    let sections = |turn_normals| Sections {
+    let sections = |turn_normals| SectionAnimation {
         count: 1,
         of_vertices: Arc::new(Vec::new()),
         turn_normals,
         poses: None,
-        at: Arc::new(move |_| vec![Section { from: Vec3::ZERO, to: Vec3::ZERO, turn }]),
+        at: Arc::new(move |_| vec![SectionMotion { from: Vec3::ZERO, to: Vec3::ZERO, turn }]),
     };
     let middle = |picture: &Picture| picture.hdr[20 * 48 + 24][1];
     let rest = middle(&draw(&mut renderer, &scene));
-    scene.instances[0].carried = Some(Carried { first: 0, vertices: None });
+    scene.instances[0].carried = Some(SectionBinding { first: 0, vertices: None });
     scene.sections = Some(sections(true));
     let turned = draw(&mut renderer, &scene);
     scene.sections = Some(sections(false));
@@ -186,15 +188,15 @@ fn contradictions_are_named() {
     let Some(mut renderer) = renderer() else { return };
     let mut said = |change: &dyn Fn(&mut Scene)| {
         let mut scene = scene(0.1);
-        scene.wind = Some(Wind { time_s: 0.0 });
+        scene.wind = Some(WindState { time_s: 0.0 });
         change(&mut scene);
         renderer.set_scene(&scene).expect_err("a contradiction").to_string()
     };
-    let carried = |first, vertices| Some(Carried { first, vertices });
+    let carried = |first, vertices| Some(SectionBinding { first, vertices });
     assert!(said(&|s| s.instances[0].carried = carried(300, None)).contains("instance 0, section"));
     assert!(said(&|s| s.instances[0].carried = carried(0, Some(1))).contains("instance 0, section"));
     assert!(said(&|s| s.sections = None).contains("instance 0, section"));
-    assert!(said(&|s| s.wind = Some(Wind { time_s: f64::NAN })).contains("expected a finite time"));
+    assert!(said(&|s| s.wind = Some(WindState { time_s: f64::NAN })).contains("expected a finite time"));
     let short = |s: &mut Scene| s.sections.as_mut().expect("sections").of_vertices = Arc::new(vec![0; 3]);
     assert!(said(&short).contains("instance 0, section"));
 }

@@ -3,7 +3,9 @@
 
 use crate::common::*;
 use glam::{DVec3, Mat4, Quat, Vec3};
-use mesophyll_viewer::scene::{Camera, Carried, Detail, Instance, Scene, Section, Sections, Wind};
+use mesophyll_viewer::scene::{
+    Camera, DetailLevel, Instance, Scene, SectionAnimation, SectionBinding, SectionMotion, WindState,
+};
 use mesophyll_viewer::{Options, Renderer};
 use std::sync::Arc;
 
@@ -14,7 +16,7 @@ fn crown(count: usize) -> Scene {
     let mut mesh = bent(10.0, CELLS as usize, 0.01);
     // The corners of the sheet, and how far its middle is from their plane.
     let (a, b) = (CELLS, CELLS * (CELLS + 1));
-    mesh.details = vec![Detail { indices: vec![0, b, a, a, b, b + CELLS], error: 1.0, outline_only: false }];
+    mesh.details = vec![DetailLevel { indices: vec![0, b, a, a, b, b + CELLS], error: 1.0, outline_only: false }];
     let mut scene = on_mesh(mesh, uniform_leaf());
     let at = |k: usize| {
         let random = |j: f64| ((k as f64 + 0.5) * j).fract() as f32 - 0.5;
@@ -86,9 +88,9 @@ fn a_still_crown_is_chosen_as_the_cpu_does_and_looks_the_same() {
 }
 
 /// Each sheet turns about the z axis, by its own speed.
-fn motion(k: usize, time: f64) -> Section {
+fn motion(k: usize, time: f64) -> SectionMotion {
     let turn = Quat::from_rotation_z((time * (0.4 + 0.01 * (k % 31) as f64)) as f32);
-    Section { from: Vec3::ZERO, to: Vec3::new(0.0, 0.0, 40.0 * (time as f32).sin()), turn }
+    SectionMotion { from: Vec3::ZERO, to: Vec3::new(0.0, 0.0, 40.0 * (time as f32).sin()), turn }
 }
 
 #[test]
@@ -98,16 +100,16 @@ fn what_moves_is_culled_where_it_is() {
     let count = 60;
     let mut scene = crown(count);
     for (k, instance) in scene.instances.iter_mut().enumerate() {
-        instance.carried = Some(Carried { first: k as u32, vertices: None });
+        instance.carried = Some(SectionBinding { first: k as u32, vertices: None });
     }
-    scene.sections = Some(Sections {
+    scene.sections = Some(SectionAnimation {
         count,
         of_vertices: Arc::new(Vec::new()),
         turn_normals: true,
         poses: None,
         at: Arc::new(move |time| (0..count).map(|k| motion(k, time)).collect()),
     });
-    scene.wind = Some(Wind { time_s: 0.0 });
+    scene.wind = Some(WindState { time_s: 0.0 });
     let centre = scene.meshes[0]
         .positions
         .iter()
@@ -120,8 +122,8 @@ fn what_moves_is_culled_where_it_is() {
         scene.in_full = in_full;
         adapter.set_scene(&scene).expect("scene");
         cpu.set_scene(&scene).expect("scene");
-        adapter.set_time(&Wind { time_s: time });
-        cpu.set_time(&Wind { time_s: time });
+        adapter.set_time(&WindState { time_s: time });
+        cpu.set_time(&WindState { time_s: time });
         for camera in cameras() {
             let one = adapter.render(&camera, 96, 72).expect("picture");
             let other = cpu.render(&camera, 96, 72).expect("picture");

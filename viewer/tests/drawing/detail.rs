@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use glam::{Mat4, Vec3};
-use mesophyll_viewer::scene::{Detail, Instance, Scene};
+use mesophyll_viewer::scene::{DetailLevel, Instance, Scene};
 
 const CELLS: u32 = 16;
 /// The sheet is hollow towards the back, so a chord runs below the sheet, into its shadow.
@@ -10,7 +10,7 @@ const BEND: f32 = -0.01;
 
 /// Every fourth vertex of the bent sheet. Between two of them, z = bend·x² differs from the chord of 5 mm by
 /// |bend|·2.5².
-fn coarse() -> Detail {
+fn coarse() -> DetailLevel {
     let at = |i: u32, j: u32| 4 * (j * (CELLS + 1) + i);
     let mut indices = Vec::new();
     for j in 0..CELLS / 4 {
@@ -18,7 +18,7 @@ fn coarse() -> Detail {
             indices.extend([at(i, j), at(i, j + 1), at(i + 1, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]);
         }
     }
-    Detail { indices, error: BEND.abs() * 2.5 * 2.5, outline_only: false }
+    DetailLevel { indices, error: BEND.abs() * 2.5 * 2.5, outline_only: false }
 }
 
 /// Height of the eye on the z axis.

@@ -3,13 +3,13 @@
 use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::Renderer;
-use mesophyll_viewer::scene::{Dome, Lobe, Scene};
+use mesophyll_viewer::scene::{Lobe, Scene, SkyDome};
 use std::f64::consts::PI;
 
 /// A dome with these coefficients. Its visible sky is a grey of radiance 0.25 above the horizon and `ground` below.
-fn dome(harmonics: Vec<[f32; 3]>) -> Dome {
+fn dome(harmonics: Vec<[f32; 3]>) -> SkyDome {
     // A = C = E = 0 makes both of Perez's factors 1. Y is 0.25, and x and y are those of equal energy.
-    Dome {
+    SkyDome {
         harmonics,
         picture: None,
         perez: [[0.0; 5]; 3],

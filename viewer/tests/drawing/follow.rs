@@ -3,7 +3,8 @@
 use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
 use mesophyll_viewer::scene::{
-    Carried, Instance, Limb, Material, Opaque, Piece, Poses, Scene, Seat, Section, Sections, Wind,
+    AxisPiece, Instance, Material, OpaqueMaterial, PoseHierarchy, PoseLimb, Scene, SectionAnimation, SectionBinding,
+    SectionMotion, SectionSeat, WindState,
 };
 use mesophyll_viewer::{Options, Picture, Renderer};
 use std::sync::Arc;
@@ -13,14 +14,14 @@ fn scene() -> Scene {
     let mut scene = scene_of(uniform_leaf());
     let tip = Vec3::new(0.0, 0.0, 8.0);
     let transform = Mat4::from_scale_rotation_translation(Vec3::splat(0.3), Quat::IDENTITY, tip);
-    let carried = Some(Carried { first: 0, vertices: None });
+    let carried = Some(SectionBinding { first: 0, vertices: None });
     scene.instances.push(Instance { transform, carried, ..scene.instances[0] });
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
     (scene.shadow_samples, scene.shadow_resolution) = (2, 256);
     let length = 20.0;
-    let poses = Poses {
-        limbs: vec![Limb {
+    let poses = PoseHierarchy {
+        limbs: vec![PoseLimb {
             root: tip - length * Vec3::X,
             axes: [Vec3::X, Vec3::Y],
             length,
@@ -31,20 +32,20 @@ fn scene() -> Scene {
             offset: Vec3::ZERO,
             pieces: [0, 1],
         }],
-        pieces: vec![Piece { begin: 0.0, place: Vec3::ZERO, way: Vec3::X }],
-        seats: vec![Seat { limb: 0, share: 1.0, piece: 0, from: tip, offset: Vec3::ZERO, axis: Vec3::X }],
+        pieces: vec![AxisPiece { begin: 0.0, place: Vec3::ZERO, way: Vec3::X }],
+        seats: vec![SectionSeat { limb: 0, share: 1.0, piece: 0, from: tip, offset: Vec3::ZERO, axis: Vec3::X }],
         closed_form: false,
         amplitudes: Arc::new(|time| vec![[0.5 * time as f32, 0.0]]),
         turns: None,
     };
-    scene.sections = Some(Sections {
+    scene.sections = Some(SectionAnimation {
         count: 1,
         of_vertices: Arc::new(Vec::new()),
         turn_normals: true,
         poses: Some(Arc::new(poses)),
-        at: Arc::new(move |_| vec![Section { from: tip, to: tip, turn: Quat::IDENTITY }]),
+        at: Arc::new(move |_| vec![SectionMotion { from: tip, to: tip, turn: Quat::IDENTITY }]),
     });
-    scene.wind = Some(Wind { time_s: 0.0 });
+    scene.wind = Some(WindState { time_s: 0.0 });
     scene
 }
 
@@ -67,7 +68,7 @@ fn far_pictures_have_coarser_maps_with_the_same_shadows() {
     for time_s in [0.0, 1.0] {
         let mut draw = |scene: &Scene, distance: f32| {
             renderer.set_scene(scene).expect("scene");
-            renderer.set_time(&Wind { time_s });
+            renderer.set_time(&WindState { time_s });
             look(&mut renderer, distance)
         };
         let [coarse, fine, unshaded] = [&scene, &full, &lit].map(|scene| draw(scene, 100.0));
@@ -82,7 +83,7 @@ fn far_pictures_have_coarser_maps_with_the_same_shadows() {
 /// The same above a floor that is much larger than what casts shadows, and casts none.
 fn above_floor() -> Scene {
     let mut scene = scene();
-    let grey = Material::Opaque(Opaque { name: "floor".into(), albedo: [0.3, 0.3, 0.3] });
+    let grey = Material::Opaque(OpaqueMaterial { name: "floor".into(), albedo: [0.3, 0.3, 0.3] });
     let floor = scene.add(square(100.0), grey);
     scene.instances.push(Instance { transform: Mat4::from_translation(-Vec3::Z), floor: true, ..floor });
     scene
@@ -96,7 +97,7 @@ fn beside_the_maps_nothing_is_shaded() {
     let picture = |scene: &Scene, distances: &[f32]| {
         let mut renderer = renderer()?;
         renderer.set_scene(scene).expect("scene");
-        renderer.set_time(&Wind { time_s: 1.0 });
+        renderer.set_time(&WindState { time_s: 1.0 });
         let last = distances.iter().map(|d| look(&mut renderer, *d)).last();
         Some((last.expect("picture"), renderer.stats().shadow_side))
     };
@@ -121,7 +122,7 @@ fn a_frame_shows_the_time_that_was_set_last() {
         let Some(mut renderer) = renderer_with(&options) else { return };
         renderer.set_scene(&scene).expect("scene");
         let mut at = |times: &[f64]| {
-            times.iter().for_each(|t| renderer.set_time(&Wind { time_s: *t }));
+            times.iter().for_each(|t| renderer.set_time(&WindState { time_s: *t }));
             (look(&mut renderer, 100.0), renderer.drawn_instances().expect("instances"))
         };
         // Without a time, that of the scene.

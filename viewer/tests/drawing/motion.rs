@@ -3,7 +3,7 @@
 use crate::common::*;
 use glam::{DQuat, DVec3, Quat, Vec3};
 use mesophyll_viewer::Renderer;
-use mesophyll_viewer::scene::{Camera, Carried, Scene, Section, Sections, Wind};
+use mesophyll_viewer::scene::{Camera, Scene, SectionAnimation, SectionBinding, SectionMotion, WindState};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [64, 48];
@@ -61,7 +61,7 @@ fn expected(
 fn compare(
     renderer: &mut Renderer,
     scene: &Scene,
-    before: Option<&Wind>,
+    before: Option<&WindState>,
     corners: &[[DVec3; 2]],
     cameras: [&Camera; 2],
 ) -> f64 {
@@ -91,8 +91,8 @@ fn compare(
     longest
 }
 
-fn time(time_s: f64) -> Wind {
-    Wind { time_s }
+fn time(time_s: f64) -> WindState {
+    WindState { time_s }
 }
 
 #[test]
@@ -103,8 +103,8 @@ fn a_carried_leaf_has_the_vectors_of_its_rigid_motion_and_of_the_camera() {
     let to = |t: f64| DVec3::new(2.0 * t, -1.0 + t, 3.0 * t * t);
     let mut scene = scene_of(uniform_leaf());
     scene.meshes[0] = square(10.0);
-    scene.instances[0].carried = Some(Carried { first: 0, vertices: None });
-    scene.sections = Some(Sections {
+    scene.instances[0].carried = Some(SectionBinding { first: 0, vertices: None });
+    scene.sections = Some(SectionAnimation {
         count: 1,
         of_vertices: Arc::new(Vec::new()),
         turn_normals: true,
@@ -112,7 +112,7 @@ fn a_carried_leaf_has_the_vectors_of_its_rigid_motion_and_of_the_camera() {
         at: Arc::new(move |t| {
             let q = turn(t);
             let turn = Quat::from_xyzw(q.x as f32, q.y as f32, q.z as f32, q.w as f32);
-            vec![Section { from: Vec3::ZERO, to: to(t).as_vec3(), turn }]
+            vec![SectionMotion { from: Vec3::ZERO, to: to(t).as_vec3(), turn }]
         }),
     });
     scene.wind = Some(time(1.0));
@@ -136,7 +136,7 @@ fn a_mesh_that_bends_has_the_vectors_of_its_vertices() {
     let mut scene = scene_of(uniform_leaf());
     scene.meshes[0] = bent(10.0, 12, -0.01);
     scene.sections = Some(swinging(&scene.meshes[0], 0.1));
-    scene.instances[0].carried = Some(Carried { first: 0, vertices: Some(0) });
+    scene.instances[0].carried = Some(SectionBinding { first: 0, vertices: Some(0) });
     scene.wind = Some(time(4.0));
     renderer.set_scene(&scene).expect("scene");
     let mut at = |t: f64| {

@@ -2,11 +2,11 @@
 
 use crate::common::*;
 use glam::{Mat4, Vec3};
-use mesophyll_viewer::scene::{Instance, Interior, Leaf, Material, Opaque, Scene, Side, SideMaps};
+use mesophyll_viewer::scene::{Instance, Interior, LeafMaterial, Material, OpaqueMaterial, Scene, Side, SideMaps};
 use mesophyll_viewer::{Picture, Renderer};
 
 /// A leaf with everything: gloss and normals on both sides.
-fn full_leaf() -> Leaf {
+fn full_leaf() -> LeafMaterial {
     let mut leaf = uniform_leaf();
     for side in [&mut leaf.sides.front, &mut leaf.sides.back] {
         side.gloss = Some((0..64).map(|i| [0.05, 0.05, 0.05, 0.2 + 0.002 * i as f32]).collect());
@@ -16,7 +16,7 @@ fn full_leaf() -> Leaf {
     leaf
 }
 
-fn lit(leaf: Leaf) -> Scene {
+fn lit(leaf: LeafMaterial) -> Scene {
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(Vec3::new(-0.4, 0.3, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
@@ -321,7 +321,7 @@ fn a_slider_uploads_what_it_moves() {
 fn bark_needs_no_maps() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = lit(full_leaf());
-    scene.materials.push(Material::Opaque(Opaque { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
+    scene.materials.push(Material::Opaque(OpaqueMaterial { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
     let bark = Instance { material: 1, transform: Mat4::from_translation(25.0 * Vec3::X), ..scene.instances[0] };
     scene.instances.push(bark);
     draw(&mut renderer, &scene);
@@ -347,7 +347,7 @@ fn bark_looks_like_a_matte_leaf_of_one_texel() {
         SideMaps { interior: Interior::Maps { rho_d: vec![albedo], rho_t: vec![[0.0; 3]] }, ..SideMaps::black() };
     leaf.sides.back = SideMaps::black();
     let mut bark = lit(leaf.clone());
-    bark.materials = vec![Material::Opaque(Opaque { name: "bark".into(), albedo })];
+    bark.materials = vec![Material::Opaque(OpaqueMaterial { name: "bark".into(), albedo })];
     for (eye, sun_from) in [(Vec3::Z, Vec3::new(-0.4, 0.3, 1.0)), (Vec3::Z, -Vec3::Z), (-Vec3::Z, -Vec3::Z)] {
         let view = camera(eye + 0.3 * Vec3::X, 60.0);
         let mut picture = |scene: &Scene| {

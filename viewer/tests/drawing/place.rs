@@ -2,18 +2,18 @@
 
 use crate::common::*;
 use glam::{DMat3, DMat4, Mat4, Quat, Vec3};
-use mesophyll_viewer::scene::{Carried, Instance, Scene, Section, Sections, Wind};
+use mesophyll_viewer::scene::{Instance, Scene, SectionAnimation, SectionBinding, SectionMotion, WindState};
 use mesophyll_viewer::{Options, Picture};
 use std::sync::Arc;
 
 /// The motions of `count` sections. Each turns about a point of its own.
-fn motions(count: usize, time: f64) -> Vec<Section> {
+fn motions(count: usize, time: f64) -> Vec<SectionMotion> {
     let one = |k: usize| {
         let k = k as f32;
         let axis = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), 0.4).normalize();
         let from = Vec3::new(7.0 * k - 20.0, 3.0, -2.0);
         let turn = Quat::from_axis_angle(axis, 0.7 * (0.9 * k + time as f32).sin());
-        Section { from, to: from + Vec3::new(0.5, 2.0, 1.0) * (time as f32 + 0.2 * k).cos(), turn }
+        SectionMotion { from, to: from + Vec3::new(0.5, 2.0, 1.0) * (time as f32 + 0.2 * k).cos(), turn }
     };
     (0..count).map(one).collect()
 }
@@ -24,7 +24,7 @@ fn scene(time: f64) -> Scene {
     let at = |k: usize| {
         let turn = Quat::from_rotation_y(0.4 * k as f32) * Quat::from_rotation_z(0.9 * k as f32);
         let place = Vec3::new(9.0 * (k % 4) as f32 - 14.0, 9.0 * (k / 4) as f32 - 5.0, 3.0 * (k % 3) as f32);
-        let carried = (k < 7).then_some(Carried { first: k as u32, vertices: None });
+        let carried = (k < 7).then_some(SectionBinding { first: k as u32, vertices: None });
         let transform = Mat4::from_scale_rotation_translation(Vec3::splat(1.0 + 0.05 * k as f32), turn, place);
         Instance { transform, carried, ..scene.instances[0] }
     };
@@ -32,14 +32,14 @@ fn scene(time: f64) -> Scene {
     scene.sun = Some(sun(Vec3::new(0.3, 0.2, 1.0)));
     scene.sky = Some([0.4, 0.5, 0.6]);
     (scene.shadow_samples, scene.msaa) = (2, 4);
-    scene.sections = Some(Sections {
+    scene.sections = Some(SectionAnimation {
         count: 7,
         of_vertices: Arc::new(Vec::new()),
         turn_normals: true,
         poses: None,
         at: Arc::new(|time| motions(7, time)),
     });
-    scene.wind = Some(Wind { time_s: time });
+    scene.wind = Some(WindState { time_s: time });
     scene
 }
 
@@ -78,7 +78,7 @@ fn leaves_that_move_as_wholes_look_as_leaves_that_were_moved() {
     assert!(named(&with, "place") && !named(&with, "sections") && !named(&with, "bend"), "{with:?}");
     assert!(!named(&without, "place") && named(&without, "sections") && named(&without, "bend"), "{without:?}");
     let first = renderer.render(&camera, 96, 72).expect("picture");
-    let wind = Wind { time_s: 1.3 };
+    let wind = WindState { time_s: 1.3 };
     renderer.set_time(&wind);
     plain.set_time(&wind);
     let once = renderer.render(&camera, 96, 72).expect("picture");

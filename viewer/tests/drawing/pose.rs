@@ -3,7 +3,10 @@
 use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
 use mesophyll_viewer::Options;
-use mesophyll_viewer::scene::{Camera, Carried, Instance, Limb, Piece, Poses, Scene, Seat, Section, Sections, Wind};
+use mesophyll_viewer::scene::{
+    AxisPiece, Camera, Instance, PoseHierarchy, PoseLimb, Scene, SectionAnimation, SectionBinding, SectionMotion,
+    SectionSeat, WindState,
+};
 use std::sync::Arc;
 
 const LENGTH: f32 = 20.0;
@@ -30,7 +33,7 @@ fn at(share: f32) -> (Vec3, u32) {
 /// With `hangs`, each leaf hangs beside the axis and turns by itself.
 fn scene(hangs: bool, closed_form: bool) -> Scene {
     let mut scene = scene_of(uniform_leaf());
-    let limb = |root, along, parent, at, pieces| Limb {
+    let limb = |root, along, parent, at, pieces| PoseLimb {
         root,
         axes: [along, Vec3::Z],
         length: LENGTH,
@@ -43,25 +46,31 @@ fn scene(hangs: bool, closed_form: bool) -> Scene {
     };
     let (joint, below) = at(JOINT);
     let begin = |k: usize| at(PIECES[k].0).0;
-    let mut pieces: Vec<Piece> =
-        (0..3).map(|k| Piece { begin: PIECES[k].0, place: begin(k), way: PIECES[k].1 }).collect();
-    pieces.push(Piece { begin: 0.0, place: Vec3::ZERO, way: Vec3::Y });
+    let mut pieces: Vec<AxisPiece> =
+        (0..3).map(|k| AxisPiece { begin: PIECES[k].0, place: begin(k), way: PIECES[k].1 }).collect();
+    pieces.push(AxisPiece { begin: 0.0, place: Vec3::ZERO, way: Vec3::Y });
     let offset = if hangs { Vec3::new(0.0, 0.5, 1.0) } else { Vec3::ZERO };
-    let seat =
-        |limb, share, (on, piece): (Vec3, u32)| Seat { limb, share, piece, from: on + offset, offset, axis: Vec3::X };
-    let mut seats: Vec<Seat> = SHARES.iter().chain([&JOINT]).map(|share| seat(0, *share, at(*share))).collect();
+    let seat = |limb, share, (on, piece): (Vec3, u32)| SectionSeat {
+        limb,
+        share,
+        piece,
+        from: on + offset,
+        offset,
+        axis: Vec3::X,
+    };
+    let mut seats: Vec<SectionSeat> = SHARES.iter().chain([&JOINT]).map(|share| seat(0, *share, at(*share))).collect();
     seats.push(seat(1, 0.0, (joint, 0)));
     seats.push(seat(1, 1.0, (joint + LENGTH * Vec3::Y, 0)));
     let points: Vec<Vec3> = seats.iter().map(|s| s.from).collect();
     scene.instances = (0..seats.len())
         .map(|k| Instance {
             transform: Mat4::from_scale_rotation_translation(Vec3::splat(0.05), Quat::IDENTITY, points[k]),
-            carried: Some(Carried { first: k as u32, vertices: None }),
+            carried: Some(SectionBinding { first: k as u32, vertices: None }),
             ..scene.instances[0]
         })
         .collect();
     let count = points.len();
-    let poses = Poses {
+    let poses = PoseHierarchy {
         limbs: vec![
             limb(Vec3::ZERO, Vec3::X, None, (0.0, 0), [0, 3]),
             limb(joint, Vec3::Y, Some(0), (JOINT, below), [3, 1]),
@@ -72,14 +81,16 @@ fn scene(hangs: bool, closed_form: bool) -> Scene {
         amplitudes: Arc::new(|time| vec![[0.3 * time as f32, 0.4 * time as f32]; 2]),
         turns: hangs.then(|| Arc::new(move |time: f64| vec![0.2 * time as f32; count]) as _),
     };
-    scene.sections = Some(Sections {
+    scene.sections = Some(SectionAnimation {
         count,
         of_vertices: Arc::new(Vec::new()),
         turn_normals: true,
         poses: Some(Arc::new(poses)),
-        at: Arc::new(move |_| points.iter().map(|p| Section { from: *p, to: *p, turn: Quat::IDENTITY }).collect()),
+        at: Arc::new(move |_| {
+            points.iter().map(|p| SectionMotion { from: *p, to: *p, turn: Quat::IDENTITY }).collect()
+        }),
     });
-    scene.wind = Some(Wind { time_s: 0.0 });
+    scene.wind = Some(WindState { time_s: 0.0 });
     scene
 }
 
@@ -98,7 +109,7 @@ const WAYS: [[bool; 3]; 6] = [
 fn places(scene: &Scene, time_s: f64, groups: bool) -> Option<Vec<Vec<[Vec3; 2]>>> {
     let mut renderer = renderer_with(&Options { groups: Some(groups), ..Options::default() })?;
     renderer.set_scene(scene).expect("scene");
-    renderer.set_time(&Wind { time_s });
+    renderer.set_time(&WindState { time_s });
     let of = |k: usize| {
         let (rest, now) = (&scene.instances[k], renderer.bent_vertices(scene, k).expect("vertices"));
         let mesh = &scene.meshes[rest.mesh].positions;
@@ -148,25 +159,26 @@ fn long(pieces: u32, leaves: u32, above: u32) -> Scene {
     let first = sections.poses.as_ref().expect("poses").limbs[0];
     let share = |k: u32| k as f32 / pieces as f32;
     let along = |share: f32| share * LENGTH * Vec3::X;
-    let mut of_pieces: Vec<Piece> =
-        (0..pieces).map(|k| Piece { begin: share(k), place: along(share(k)), way: Vec3::X }).collect();
-    let mut limbs = vec![Limb { pieces: [0, pieces], ..first }];
+    let mut of_pieces: Vec<AxisPiece> =
+        (0..pieces).map(|k| AxisPiece { begin: share(k), place: along(share(k)), way: Vec3::X }).collect();
+    let mut limbs = vec![PoseLimb { pieces: [0, pieces], ..first }];
     for k in 0..above {
-        of_pieces.push(Piece { begin: 0.0, place: Vec3::ZERO, way: Vec3::X });
+        of_pieces.push(AxisPiece { begin: 0.0, place: Vec3::ZERO, way: Vec3::X });
         let (root, on) = (along(1.0 + k as f32), if k == 0 { pieces - 1 } else { 0 });
-        limbs.push(Limb { root, parent: Some(k), at: (1.0, on), pieces: [pieces + k, 1], ..first });
+        limbs.push(PoseLimb { root, parent: Some(k), at: (1.0, on), pieces: [pieces + k, 1], ..first });
     }
-    let seat = |limb, share: f32, piece, from| Seat { limb, share, piece, from, offset: Vec3::ZERO, axis: Vec3::X };
+    let seat =
+        |limb, share: f32, piece, from| SectionSeat { limb, share, piece, from, offset: Vec3::ZERO, axis: Vec3::X };
     let at = |k: u32| k as f32 / (leaves - 1) as f32;
     let piece = |x: f32| ((x * pieces as f32) as u32).min(pieces - 1);
-    let mut seats: Vec<Seat> = (0..leaves).map(|k| seat(0, at(k), piece(at(k)), along(at(k)))).collect();
+    let mut seats: Vec<SectionSeat> = (0..leaves).map(|k| seat(0, at(k), piece(at(k)), along(at(k)))).collect();
     seats.push(seat(above, 1.0, if above == 0 { pieces - 1 } else { 0 }, along(1.0 + above as f32)));
     let count = limbs.len();
     let amplitudes = Arc::new(move |time| vec![[0.3 * time as f32, 0.4 * time as f32]; count]);
-    let poses = Poses { limbs, pieces: of_pieces, seats, closed_form: false, amplitudes, turns: None };
+    let poses = PoseHierarchy { limbs, pieces: of_pieces, seats, closed_form: false, amplitudes, turns: None };
     let points: Vec<Vec3> = poses.seats.iter().map(|s| s.from).collect();
     let leaf = scene.instances[0];
-    let carried = |first| Some(Carried { first, vertices: None });
+    let carried = |first| Some(SectionBinding { first, vertices: None });
     let hung = |(k, at): (usize, &Vec3)| {
         let transform = Mat4::from_scale_rotation_translation(Vec3::splat(0.05), Quat::IDENTITY, *at);
         Instance { transform, carried: carried(k as u32), ..leaf }
@@ -174,7 +186,7 @@ fn long(pieces: u32, leaves: u32, above: u32) -> Scene {
     scene.instances = points.iter().enumerate().map(hung).collect();
     (sections.count, sections.poses) = (points.len(), Some(Arc::new(poses)));
     sections.at =
-        Arc::new(move |_| points.iter().map(|p| Section { from: *p, to: *p, turn: Quat::IDENTITY }).collect());
+        Arc::new(move |_| points.iter().map(|p| SectionMotion { from: *p, to: *p, turn: Quat::IDENTITY }).collect());
     scene
 }
 
@@ -193,7 +205,7 @@ fn groups_of_invocations_pose_as_single_ones_do() {
                 return;
             };
             renderer.set_scene(&scene).expect("scene");
-            renderer.set_time(&Wind { time_s: 0.5 });
+            renderer.set_time(&WindState { time_s: 0.5 });
             boxes.push(renderer.moving_boxes().expect("boxes"));
         }
         let far = |[rest, now]: &[Vec3; 2]| rest.distance(*now);
@@ -215,7 +227,8 @@ fn bark_on(section: usize, closed_form: bool) -> Scene {
     let bark = scene.instances.swap_remove(section);
     let vertices = scene.meshes[bark.mesh].positions.len();
     scene.sections.as_mut().expect("sections").of_vertices = Arc::new(vec![0; vertices]);
-    scene.instances = vec![Instance { carried: Some(Carried { first: section as u32, vertices: Some(0) }), ..bark }];
+    scene.instances =
+        vec![Instance { carried: Some(SectionBinding { first: section as u32, vertices: Some(0) }), ..bark }];
     scene
 }
 
@@ -228,7 +241,7 @@ fn bark_is_drawn_wherever_it_may_come() {
     for (section, reach) in [(9, LENGTH), (12, (1.0 + JOINT) * LENGTH)] {
         let scene = bark_on(section, false);
         renderer.set_scene(&scene).expect("scene");
-        renderer.set_time(&Wind { time_s: 2.0 });
+        renderer.set_time(&WindState { time_s: 2.0 });
         let bent: Vec<Vec3> = renderer.bent_vertices(&scene, 0).expect("vertices").iter().map(|[p, ..]| *p).collect();
         let middle = bent.iter().sum::<Vec3>() / bent.len() as f32;
         let at_rest = scene.instances[0].transform.w_axis.truncate();

@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Camera, Interior, Leaf, Lobe, Scene, SideMaps};
+use mesophyll_viewer::scene::{Camera, Interior, LeafMaterial, Lobe, Scene, SideMaps};
 use std::f64::consts::PI;
 
 type V = [f64; 3];
@@ -13,7 +13,7 @@ fn add(a: V, b: V, s: f64) -> V {
 }
 
 /// Maps that are smooth, and different on both sides.
-fn mapped_leaf(lobe: Lobe) -> Leaf {
+fn mapped_leaf(lobe: Lobe) -> LeafMaterial {
     let mut leaf = uniform_leaf();
     (leaf.width, leaf.height) = (24, 16);
     leaf.lobe = lobe;
@@ -37,7 +37,7 @@ fn mapped_leaf(lobe: Lobe) -> Leaf {
     leaf
 }
 
-fn bilinear<const N: usize>(leaf: &Leaf, map: &[[f32; N]], u: f64, v: f64) -> [f64; N] {
+fn bilinear<const N: usize>(leaf: &LeafMaterial, map: &[[f32; N]], u: f64, v: f64) -> [f64; N] {
     let (w, h) = (leaf.width as usize, leaf.height as usize);
     let place = |x: f64, n: usize| {
         let x = (x * n as f64 - 0.5).clamp(0.0, (n - 1) as f64);
@@ -53,7 +53,7 @@ fn bilinear<const N: usize>(leaf: &Leaf, map: &[[f32; N]], u: f64, v: f64) -> [f
 }
 
 /// ρd with γ, and ρt, of a side at the front's (u, v).
-fn interior(leaf: &Leaf, side: &SideMaps, u: f64, v: f64) -> (V, V) {
+fn interior(leaf: &LeafMaterial, side: &SideMaps, u: f64, v: f64) -> (V, V) {
     let gd = bilinear(leaf, &side.gamma_delta, u, v);
     let Interior::Scalars(c) = &side.interior else { panic!("curves here") };
     let n = c.rho_d.len() - 1;

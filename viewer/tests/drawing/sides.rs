@@ -2,7 +2,9 @@
 
 use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
-use mesophyll_viewer::scene::{Basis, Coefficients, Instance, Interior, Leaf, Scene, SideMaps, Sides, Translucency};
+use mesophyll_viewer::scene::{
+    CoefficientMaps, Instance, Interior, LeafMaterial, Scene, SideMaps, Sides, Translucency, TranslucencyBasis,
+};
 use std::f64::consts::PI;
 
 /// A camera straight above one side, with x of that side's image to the right.
@@ -185,15 +187,15 @@ fn stripe(k: usize) -> f32 {
 }
 
 /// A leaf with these stripes in γ and ρt, and in the light that enters, on one side. The other side is black.
-fn striped(front: bool, colours: bool) -> Leaf {
+fn striped(front: bool, colours: bool) -> LeafMaterial {
     let mut leaf = uniform_leaf();
     (leaf.width, leaf.height) = (128, 128);
     let grey = |k: usize, v: f32| [v * stripe(k); 3];
     let all = |v: f32| (0..128 * 128).map(|k| grey(k, v)).collect::<Vec<_>>();
     let mut side = SideMaps { interior: Interior::Maps { rho_d: all(0.2), rho_t: all(0.2) }, ..SideMaps::black() };
     if colours {
-        let coefficients = Coefficients::Colour([0.2; 3].map(all));
-        side.translucency = Some(Translucency { basis: Basis::HalfLife2, coefficients });
+        let coefficients = CoefficientMaps::Colour([0.2; 3].map(all));
+        side.translucency = Some(Translucency { basis: TranslucencyBasis::HalfLife2, coefficients });
     }
     let none = || vec![[0.0; 3]; 128 * 128];
     let black = Interior::Maps { rho_d: none(), rho_t: none() };

@@ -3,14 +3,14 @@
 
 use crate::common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Anchors, Camera, Material, Opaque, Scene, Transfer};
+use mesophyll_viewer::scene::{AnchorGrid, Camera, Material, OpaqueMaterial, RadianceTransfer, Scene};
 use std::f32::consts::PI;
 
 /// The anchors of the square on a grid. Vertices are in the order of `square`, u along x and v along y.
-fn anchors(grid: [u32; 2], rows: u32) -> Anchors {
+fn anchors(grid: [u32; 2], rows: u32) -> AnchorGrid {
     let [x, y] = grid.map(|n| n as f32 - 1.0);
     let places = [(0.0, 0.0), (x, 0.0), (x, y), (0.0, y)].map(|(a, b)| Vec3::new(0.0, a, b));
-    Anchors { grid, places: places.to_vec(), rows, levels: 1 }
+    AnchorGrid { grid, places: places.to_vec(), rows, levels: 1 }
 }
 
 /// A flat leaf with a transfer in its own light: the front gets the irradiance `front`, and the back `back`, at each
@@ -28,7 +28,7 @@ fn lit_by(grid: [u32; 2], light: impl Fn(u32, u32) -> [f32; 2]) -> Scene {
             }
         }
     }
-    scene.transfer = Some(Transfer { bands: None, gloss_bands: 3, scale: 1.0, entries });
+    scene.transfer = Some(RadianceTransfer { bands: None, gloss_bands: 3, scale: 1.0, entries });
     scene
 }
 
@@ -56,7 +56,8 @@ fn a_leaf_alone_is_lit_as_by_a_constant_sky() {
         renderer.set_scene(&scene).unwrap();
         let constant = renderer.render(&view, 48, 32).unwrap().hdr;
         scene.meshes[0].anchors = Some(anchors([1, 1], 6 + (bands * bands) as u32));
-        scene.transfer = Some(Transfer { bands: Some(bands), gloss_bands: bands, scale: 1.0, entries: alone(bands) });
+        scene.transfer =
+            Some(RadianceTransfer { bands: Some(bands), gloss_bands: bands, scale: 1.0, entries: alone(bands) });
         renderer.set_scene(&scene).unwrap();
         let arrived = renderer.render(&view, 48, 32).unwrap().hdr;
         let mut compared = 0;
@@ -115,7 +116,7 @@ fn sun_and_sky_take_their_own_ways() {
     entries[2 * columns] = [0.5, 0.25, 0.125, 1.0];
     // Y₁₀ of the light, by way of other surfaces.
     entries[2 * columns + 2] = [0.25, 0.5, 1.0, 0.0];
-    scene.transfer = Some(Transfer { bands: Some(2), gloss_bands: 2, scale: 1.0, entries });
+    scene.transfer = Some(RadianceTransfer { bands: Some(2), gloss_bands: 2, scale: 1.0, entries });
     scene.sky = Some([0.2, 0.3, 0.4]);
     // The sun is below, so it does not shine on the side that is seen, and with ρt = 0 nothing is transmitted.
     let mut lamp = sun(Vec3::new(0.6, 0.0, -0.8));
@@ -146,7 +147,7 @@ fn it_is_worked_out_when_the_light_changes_and_only_then() {
     assert!(stats.transfers == 0 && !stats.uploaded("transfer") && !stats.pipelines.contains(&"transfer".into()));
     scene.meshes[0].anchors = Some(anchors([1, 1], 6));
     scene.transfer =
-        Some(Transfer { bands: Some(1), gloss_bands: 1, scale: 1.0, entries: vec![[0.0, 0.0, 0.0, 1.0]; 6] });
+        Some(RadianceTransfer { bands: Some(1), gloss_bands: 1, scale: 1.0, entries: vec![[0.0, 0.0, 0.0, 1.0]; 6] });
     renderer.set_scene(&scene).unwrap();
     (0..3).for_each(|_| drop(renderer.render(&view, 9, 9).unwrap()));
     assert_eq!((renderer.stats().transfers, renderer.stats().uploaded("transfer")), (1, true));
@@ -168,12 +169,12 @@ fn wood_is_lit_at_its_vertices() {
     let mut scene = Scene { exposure: 1.0, msaa: 1, shadow_resolution: 64, ..Scene::default() };
     let mut mesh = square(10.0);
     let places = (0..4).map(|k| Vec3::new(k as f32, 0.0, 0.0)).collect();
-    mesh.anchors = Some(Anchors { grid: [1, 1], places, rows: 1, levels: 1 });
-    let wood = scene.add(mesh, Material::Opaque(Opaque { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
+    mesh.anchors = Some(AnchorGrid { grid: [1, 1], places, rows: 1, levels: 1 });
+    let wood = scene.add(mesh, Material::Opaque(OpaqueMaterial { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
     scene.instances.push(wood);
     // Light grows from the left to the right.
     let entries = [0.5, 1.5, 1.5, 0.5].into_iter().map(|e| [e, e, e, 0.0]).collect();
-    scene.transfer = Some(Transfer { bands: None, gloss_bands: 1, scale: 2.0, entries });
+    scene.transfer = Some(RadianceTransfer { bands: None, gloss_bands: 1, scale: 2.0, entries });
     renderer.set_scene(&scene).unwrap();
     let view = camera(Vec3::Z, 60.0);
     let picture = renderer.render(&view, 41, 41).unwrap();

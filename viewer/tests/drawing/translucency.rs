@@ -3,7 +3,9 @@
 
 use crate::common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Basis, Camera, Coefficients, Interior, Leaf, Scene, Side, Translucency};
+use mesophyll_viewer::scene::{
+    Camera, CoefficientMaps, Interior, LeafMaterial, Scene, Side, Translucency, TranslucencyBasis,
+};
 use mesophyll_viewer::{Picture, Renderer};
 use std::f64::consts::PI;
 
@@ -13,21 +15,21 @@ fn flat() -> [f32; 3] {
 }
 
 fn of_factors(map: Vec<[f32; 3]>) -> Translucency {
-    Translucency { basis: Basis::HalfLife2, coefficients: Coefficients::Factor(map) }
+    Translucency { basis: TranslucencyBasis::HalfLife2, coefficients: CoefficientMaps::Factor(map) }
 }
 
 fn of_colours(maps: [Vec<[f32; 3]>; 3]) -> Translucency {
-    Translucency { basis: Basis::HalfLife2, coefficients: Coefficients::Colour(maps) }
+    Translucency { basis: TranslucencyBasis::HalfLife2, coefficients: CoefficientMaps::Colour(maps) }
 }
 
 /// The direction at which a basis is evaluated. The bent one is computed from the elevation and the azimuth.
-fn looked_up(basis: Basis, omega: [f64; 3]) -> [f64; 3] {
+fn looked_up(basis: TranslucencyBasis, omega: [f64; 3]) -> [f64; 3] {
     let across = omega[0].hypot(omega[1]);
     let height = omega[2].atan2(across);
     let azimuth = omega[1].atan2(omega[0]);
     let share = match basis {
-        Basis::HalfLife2 => 1.0,
-        Basis::Bent => (2.0 * height.sin() / (1.0 + height.sin())).powf(0.25),
+        TranslucencyBasis::HalfLife2 => 1.0,
+        TranslucencyBasis::Bent => (2.0 * height.sin() / (1.0 + height.sin())).powf(0.25),
     };
     [share * height.cos() * azimuth.cos(), share * height.cos() * azimuth.sin(), height.sin()]
 }
@@ -54,7 +56,7 @@ fn draw(renderer: &mut Renderer, scene: &Scene, camera: &Camera) -> Picture {
     renderer.render(camera, 40, 40).expect("picture")
 }
 
-fn lit(leaf: Leaf, light: Vec3) -> Scene {
+fn lit(leaf: LeafMaterial, light: Vec3) -> Scene {
     let mut scene = scene_of(leaf);
     scene.sun = Some(sun(light));
     scene
@@ -65,7 +67,9 @@ fn a_flat_uniform_leafs_maps_change_nothing() {
     let Some(mut renderer) = renderer() else { return };
     let lights =
         [Vec3::new(0.3, 0.2, 1.0), Vec3::new(-0.9, 0.4, 0.2), Vec3::new(0.5, -0.6, -0.8), Vec3::new(0.1, 0.95, -0.08)];
-    for (light, basis) in lights.into_iter().flat_map(|l| [(l, Basis::HalfLife2), (l, Basis::Bent)]) {
+    for (light, basis) in
+        lights.into_iter().flat_map(|l| [(l, TranslucencyBasis::HalfLife2), (l, TranslucencyBasis::Bent)])
+    {
         let plain = lit(uniform_leaf(), light);
         let mut factors = plain.clone();
         let mut colours = plain.clone();
@@ -108,7 +112,7 @@ fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_in
         (-0.9, 0.4, 9e-3),
         (0.3, 0.9, 9e-4),
     ];
-    let cases = towards.into_iter().flat_map(|t| [(t, Basis::HalfLife2), (t, Basis::Bent)]);
+    let cases = towards.into_iter().flat_map(|t| [(t, TranslucencyBasis::HalfLife2), (t, TranslucencyBasis::Bent)]);
     for front_lit in [true, false] {
         for (toward, basis) in cases.clone() {
             let toward = Vec3::from(toward);
@@ -123,9 +127,9 @@ fn maps_are_looked_up_where_the_lit_sides_camera_saw_them_and_light_is_turned_in
                 let side = if front_lit { &mut leaf.sides.front } else { &mut leaf.sides.back };
                 let tint = [1.0f32, 0.6, 0.3];
                 let coefficients = if colour {
-                    Coefficients::Colour(tint.map(|t| (0..64).map(|k| made_up(k).map(|h| t * h)).collect()))
+                    CoefficientMaps::Colour(tint.map(|t| (0..64).map(|k| made_up(k).map(|h| t * h)).collect()))
                 } else {
-                    Coefficients::Factor((0..64).map(made_up).collect())
+                    CoefficientMaps::Factor((0..64).map(made_up).collect())
                 };
                 side.translucency = Some(Translucency { basis, coefficients });
                 // The mapped normal must have no effect on this side.
@@ -180,10 +184,11 @@ fn a_leaf_without_maps_has_the_shader_it_had() {
     assert!(plain < one && one < 2 * plain && plain < three, "{plain} {one} {three}");
     // Bending the light takes a dozen operations, once, for any kind of map.
     for (basis_free, coefficients) in [
-        (one, Coefficients::Factor(vec![flat(); 64])),
-        (three, Coefficients::Colour([0, 1, 2].map(|_| vec![flat(); 64]))),
+        (one, CoefficientMaps::Factor(vec![flat(); 64])),
+        (three, CoefficientMaps::Colour([0, 1, 2].map(|_| vec![flat(); 64]))),
     ] {
-        leaf(&mut with, 0).sides.back.translucency = Some(Translucency { basis: Basis::Bent, coefficients });
+        leaf(&mut with, 0).sides.back.translucency =
+            Some(Translucency { basis: TranslucencyBasis::Bent, coefficients });
         let bent = renderer.operations(&with, 0).expect("a shader");
         assert!(bent > basis_free && bent <= basis_free + 16, "{bent} {basis_free}");
     }
@@ -218,7 +223,7 @@ fn nothing_of_it_is_uploaded_or_compiled_without_maps_or_without_a_sun() {
     assert_eq!(renderer.stats().pipelines, ["main: sun, back translucency", "tonemap"]);
     let mut bent = sunny.clone();
     leaf(&mut bent, 0).sides.back.translucency =
-        Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
+        Some(Translucency { basis: TranslucencyBasis::Bent, ..of_factors(vec![flat(); 64]) });
     draw(&mut renderer, &bent, &straight(true));
     assert_eq!(renderer.stats().pipelines, ["main: sun, back bent translucency", "tonemap"]);
     draw(&mut renderer, &sunny, &straight(true));
@@ -256,7 +261,8 @@ fn a_map_of_another_size_or_basis_is_refused() {
     assert!(told.contains("front.translucency") && told.contains("63"), "{told}");
     // The shader has one bent light for both sides, so their bases must agree.
     leaf.sides.front.translucency = Some(of_factors(vec![flat(); 64]));
-    leaf.sides.back.translucency = Some(Translucency { basis: Basis::Bent, ..of_factors(vec![flat(); 64]) });
+    leaf.sides.back.translucency =
+        Some(Translucency { basis: TranslucencyBasis::Bent, ..of_factors(vec![flat(); 64]) });
     let told = renderer.set_scene(&scene_of(leaf)).expect_err("two bases").to_string();
     assert!(
         told.contains("translucency.basis") && told.contains("HalfLife2 on the front and Bent on the back"),

@@ -7,9 +7,9 @@ mod server;
 mod skips;
 
 use glam::{Vec2, Vec3, Vec4};
-use mesophyll_viewer::scene::{Camera, Leaf, Lobe, Material, Mesh, Scene, SideMaps, Sides, Sun};
+use mesophyll_viewer::scene::{Camera, LeafMaterial, Lobe, Material, Mesh, Scene, SideMaps, Sides, Sun};
 use mesophyll_viewer::{Error, Options, Renderer};
-use mesophyll_web::bundle::{Bundle, LeafSlabs, SideSlab, View};
+use mesophyll_web::bundle::{Bundle, BundleView, LeafSlabs, SideSlab};
 use skips::{Need, skip};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -64,7 +64,7 @@ fn bundle() -> Bundle {
         maps.gloss = Some(vec![[0.03, 0.03, 0.03, 0.25]; (width * height) as usize]);
         maps
     };
-    let leaf = Leaf {
+    let leaf = LeafMaterial {
         name: "made up".into(),
         width,
         height,
@@ -93,7 +93,7 @@ fn bundle() -> Bundle {
         program: "a test".into(),
         scene,
         still: None,
-        views: vec![View { name: "front".into(), camera, size: SIZE, reference: None }],
+        views: vec![BundleView { name: "front".into(), camera, size: SIZE, reference: None }],
         leaves: vec![slabs],
     }
 }

@@ -3,16 +3,17 @@
 use glam::{Quat, Vec2, Vec3, Vec4};
 use mesophyll_optics::slab::response;
 use mesophyll_viewer::scene::{
-    Camera, Carried, Interior, Leaf, Lobe, Material, Mesh, Scene, Section, Sections, SideMaps, Sides, Wind,
+    Camera, Interior, LeafMaterial, Lobe, Material, Mesh, Scene, SectionAnimation, SectionBinding, SectionMotion,
+    SideMaps, Sides, WindState,
 };
-use mesophyll_web::bundle::{Bundle, Error, LeafSlabs, SideSlab, Still, View, slab, slab_curve};
+use mesophyll_web::bundle::{Bundle, BundleView, Error, LeafSlabs, SideSlab, StillSections, slab, slab_curve};
 use std::sync::Arc;
 
 const SLAB: SideSlab = SideSlab { sigma_a: [0.9, 0.5, 1.6], sigma_s: [11.0, 12.0, 10.0] };
 /// δ of the two texels (mm).
 const DELTAS: [f32; 2] = [-0.03, 0.05];
 
-fn leaf() -> Leaf {
+fn leaf() -> LeafMaterial {
     let texels: Vec<[f32; 4]> = DELTAS.iter().map(|d| [1.0, 0.9, 0.8, *d]).collect();
     let side = || SideMaps {
         gamma_delta: texels.clone(),
@@ -21,7 +22,7 @@ fn leaf() -> Leaf {
         translucency: None,
         interior: Interior::Scalars(slab_curve(&slab(SLAB.sigma_a, SLAB.sigma_s, 0.2, &texels))),
     };
-    Leaf {
+    LeafMaterial {
         name: "two texels".into(),
         width: 2,
         height: 1,
@@ -41,23 +42,24 @@ fn bundle() -> Bundle {
         indices: vec![0, 1, 2],
         ..Mesh::default()
     };
-    let mut scene = Scene { exposure: 1.5, msaa: 4, wind: Some(Wind { time_s: 2.5 }), ..Scene::default() };
+    let mut scene = Scene { exposure: 1.5, msaa: 4, wind: Some(WindState { time_s: 2.5 }), ..Scene::default() };
     let mut one = scene.add(mesh, Material::Leaf(leaf()));
-    one.carried = Some(Carried { first: 0, vertices: None });
+    one.carried = Some(SectionBinding { first: 0, vertices: None });
     scene.instances.push(one);
     let at = |time: f64| {
         let to = Vec3::new(time as f32, 0.0, 0.0);
-        vec![Section { from: Vec3::ZERO, to, turn: Quat::from_rotation_z(0.3) }]
+        vec![SectionMotion { from: Vec3::ZERO, to, turn: Quat::from_rotation_z(0.3) }]
     };
     let of_vertices = Arc::new(vec![0, 0, 0]);
-    scene.sections = Some(Sections { count: 1, of_vertices, turn_normals: true, poses: None, at: Arc::new(at) });
+    scene.sections =
+        Some(SectionAnimation { count: 1, of_vertices, turn_normals: true, poses: None, at: Arc::new(at) });
     let camera = Camera { eye: Vec3::new(0.0, -5.0, 5.0), target: Vec3::ZERO, up: Vec3::Z, fov_y_deg: 30.0 };
     Bundle {
         title: "σ and ρ".into(),
         program: "a test".into(),
-        still: Still::of(&scene),
+        still: StillSections::of(&scene),
         scene,
-        views: vec![View { name: "front".into(), camera, size: [80, 60], reference: Some(vec![1, 2, 3]) }],
+        views: vec![BundleView { name: "front".into(), camera, size: [80, 60], reference: Some(vec![1, 2, 3]) }],
         leaves: vec![LeafSlabs { material: 0, thickness_mm: 0.2, sides: Sides { front: Some(SLAB), back: None } }],
     }
 }

@@ -6,7 +6,7 @@ use super::ViewerUi;
 use super::thumbnails::{MapKind, thumbnail};
 use crate::editor::{LeafEdit, SideEdit};
 use egui::{Color32, RichText, Slider, TextureHandle, TextureOptions};
-use mesophyll_viewer::scene::{Leaf, Side, Sides};
+use mesophyll_viewer::scene::{LeafMaterial, Side, Sides};
 use std::collections::HashMap;
 
 /// A thumbnail and its range of values; `None` where the side has no such map.
@@ -127,7 +127,7 @@ impl ViewerUi {
     /// not shown where the leaf has no such maps.
     fn translucency(&mut self, ui: &mut egui::Ui) {
         let laid_by = self.laid_by.contains_key(&self.leaf);
-        let has = |leaf: &Leaf| leaf.sides.iter().any(|(_, s)| s.translucency.is_some());
+        let has = |leaf: &LeafMaterial| leaf.sides.iter().any(|(_, s)| s.translucency.is_some());
         if !laid_by && !self.scene.leaf(self.leaf).is_some_and(has) {
             return;
         }

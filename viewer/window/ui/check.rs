@@ -2,8 +2,8 @@
 //! verdict and its thresholds.
 
 use super::ViewerUi;
-use super::compare::part;
-use crate::editor::{ReferencePicture, Verdict};
+use super::comparison::part;
+use crate::editor::{ComparisonVerdict, DisplayPicture};
 use egui::{Color32, ColorImage, Rect, RichText, TextureHandle, TextureOptions, pos2, vec2};
 use mesophyll_viewer::Picture;
 
@@ -12,7 +12,7 @@ const GAIN: u16 = 8;
 
 /// A finished check.
 pub(crate) struct Check {
-    pub verdict: Verdict,
+    pub verdict: ComparisonVerdict,
     /// Picture, reference, difference.
     textures: [TextureHandle; 3],
     size: [u32; 2],
@@ -56,8 +56,8 @@ impl Check {
     pub(crate) fn new(
         context: &egui::Context,
         picture: &Picture,
-        reference: &ReferencePicture,
-        verdict: Verdict,
+        reference: &DisplayPicture,
+        verdict: ComparisonVerdict,
     ) -> Check {
         let size = [picture.width as usize, picture.height as usize];
         let load = |name: &str, pixels: &[[u8; 4]]| {

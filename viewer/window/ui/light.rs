@@ -3,7 +3,7 @@
 use super::{ViewerUi, WindowView};
 use egui::{RichText, Slider, SliderClamping};
 use glam::Vec3;
-use mesophyll_viewer::Orbit;
+use mesophyll_viewer::OrbitCamera;
 use std::sync::Arc;
 
 /// Sliders change a value only when they are moved, because the scene's own sun has more digits than a slider shows.
@@ -129,7 +129,7 @@ impl ViewerUi {
                     let button = ui.button(&name);
                     self.landmark(&format!("view {name}"), &button);
                     if button.clicked() {
-                        self.orbit = Orbit::new(camera, self.radius);
+                        self.orbit = OrbitCamera::new(camera, self.radius);
                         self.camera_changed();
                         if let Some(time_s) = time_s {
                             self.set_time(time_s);

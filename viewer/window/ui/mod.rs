@@ -9,12 +9,12 @@
 mod analysis;
 mod appearance;
 mod check;
-mod compare;
+mod comparison;
 mod edits;
 mod history;
 mod layout;
 mod light;
-mod live;
+mod live_picture;
 mod plants;
 mod presets;
 mod readout;
@@ -29,9 +29,11 @@ use crate::editor::{Editor, LeafEdit};
 use check::Check;
 use egui::{Rect, Response};
 use mesophyll_viewer::gpu::AdapterInfo;
-use mesophyll_viewer::pick::Hit;
-use mesophyll_viewer::scene::{Camera, Instance, Interior, Leaf, Scene, Side, Sides, Transfer, Translucency};
-use mesophyll_viewer::{Orbit, Picture};
+use mesophyll_viewer::picking::PickHit;
+use mesophyll_viewer::scene::{
+    Camera, Instance, Interior, LeafMaterial, RadianceTransfer, Scene, Side, Sides, Translucency,
+};
+use mesophyll_viewer::{OrbitCamera, Picture};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -56,7 +58,7 @@ pub struct ViewerUi {
     /// All instances. The scene has fewer while a leaf is shown alone.
     instances: Vec<Instance>,
     /// The transfer of all instances. The scene has none while one leaf is shown alone.
-    transfer: Option<Transfer>,
+    transfer: Option<RadianceTransfer>,
     /// The vertices' shares of the sun, which the scene also lacks while one leaf is shown alone.
     sun_shares: Option<Arc<Vec<u8>>>,
     /// The fitted gloss of the front and of the back, which the gloss factors scale.
@@ -80,10 +82,10 @@ pub struct ViewerUi {
     side: Side,
     alone: bool,
     views: Vec<WindowView>,
-    orbit: Orbit,
+    orbit: OrbitCamera,
     radius: f32,
     thumbnails: appearance::Thumbnails,
-    hover: Option<(Hit, Vec<(String, String)>)>,
+    hover: Option<(PickHit, Vec<(String, String)>)>,
     check: Option<Check>,
     show_check: Option<CheckLayout>,
     check_size: [u32; 2],
@@ -96,7 +98,7 @@ pub struct ViewerUi {
     history: history::History,
     /// The lights as the window opened.
     own_light: light::Light,
-    kept: Option<compare::Kept>,
+    kept: Option<comparison::Kept>,
     /// The share of the picture on the left of the line, where two are wiped.
     wipe: f32,
     analysis: analysis::Analysis,
@@ -134,7 +136,7 @@ impl ViewerUi {
         let (_, radius) = mesophyll_viewer::ball_around(&scene);
         let leaves = || (0..scene.materials.len()).filter_map(|i| Some((i, scene.leaf(i)?)));
         let starts: BTreeMap<usize, LeafEdit> = leaves().map(|(i, _)| (i, editor.start(i))).collect();
-        let gloss = |(i, leaf): (usize, &Leaf)| (i, Sides::of(|side| leaf.sides[side].gloss.clone()));
+        let gloss = |(i, leaf): (usize, &LeafMaterial)| (i, Sides::of(|side| leaf.sides[side].gloss.clone()));
         let mut ui = ViewerUi {
             plants: plants::Plants::new(editor.plants()),
             editor,
@@ -158,7 +160,7 @@ impl ViewerUi {
             side: Side::Front,
             alone: false,
             views,
-            orbit: Orbit::new(camera, radius),
+            orbit: OrbitCamera::new(camera, radius),
             radius,
             thumbnails: Default::default(),
             hover: None,
@@ -235,7 +237,7 @@ impl ViewerUi {
     }
 
     /// What is under the pointer, and what the editor knows about it.
-    pub fn under_pointer(&self) -> Option<&(Hit, Vec<(String, String)>)> {
+    pub fn under_pointer(&self) -> Option<&(PickHit, Vec<(String, String)>)> {
         self.hover.as_ref()
     }
 

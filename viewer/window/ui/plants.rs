@@ -2,7 +2,7 @@
 //! Fig. 4.17). A change is sent to `Editor::bend`, and the next picture shows the result.
 
 use super::ViewerUi;
-use crate::editor::{BranchEdit, Part, PlantEdits, PlantInfo};
+use crate::editor::{BranchEdit, PlantEdits, PlantInfo, PlantPart};
 use egui::{RichText, Slider};
 use mesophyll_viewer::scene::Material;
 use std::rc::Rc;
@@ -11,7 +11,7 @@ use std::rc::Rc;
 pub(crate) struct Plants {
     all: Vec<Rc<PlantInfo>>,
     plant: usize,
-    part: Part,
+    part: PlantPart,
     /// The name in the text field.
     name: String,
     /// The factors on the sliders, which a drag changes before the scene takes them over.
@@ -21,7 +21,7 @@ pub(crate) struct Plants {
 
 impl Plants {
     pub(crate) fn new(all: Vec<PlantInfo>) -> Plants {
-        let (part, shown) = (Part::Level(0), BranchEdit::NONE);
+        let (part, shown) = (PlantPart::Level(0), BranchEdit::NONE);
         let all = all.into_iter().map(Rc::new).collect();
         Plants { all, plant: 0, part, name: String::new(), shown, edits: PlantEdits::new() }
     }
@@ -31,20 +31,20 @@ impl Plants {
     }
 
     /// Shows another part of a plant.
-    fn choose(&mut self, plant: usize, part: Part) {
+    fn choose(&mut self, plant: usize, part: PlantPart) {
         (self.plant, self.part) = (plant, part);
         self.shown = self.edit();
     }
 }
 
 /// Name of a part of a plant.
-fn called(plant: &PlantInfo, part: Part) -> String {
+fn called(plant: &PlantInfo, part: PlantPart) -> String {
     match part {
-        Part::Level(level) => {
+        PlantPart::Level(level) => {
             let count = plant.branches.iter().filter(|b| b.1 == level).count();
             format!("level {level} ({count} branch{})", if count == 1 { "" } else { "es" })
         }
-        Part::Branch(index) => plant.branches.get(index).map_or_else(String::new, |b| format!("branch {}", b.0)),
+        PlantPart::Branch(index) => plant.branches.get(index).map_or_else(String::new, |b| format!("branch {}", b.0)),
     }
 }
 
@@ -83,7 +83,7 @@ impl ViewerUi {
             self.set_branches(self.plants.plant, self.plants.part, edit);
         }
         ui.horizontal(|ui| {
-            let mine = |key: &(usize, Part)| key.0 == self.plants.plant;
+            let mine = |key: &(usize, PlantPart)| key.0 == self.plants.plant;
             let changed = self.plants.edits.keys().any(mine);
             let reset = ui.add_enabled(changed, egui::Button::new("Reset plant"));
             self.landmark("reset plant", &reset);
@@ -117,7 +117,7 @@ impl ViewerUi {
         let part_box = egui::ComboBox::from_id_salt("part").selected_text(called(plant, part)).width(170.0);
         let shown = part_box.show_ui(ui, |ui| {
             for level in 0..=levels {
-                ui.selectable_value(&mut part, Part::Level(level), called(plant, Part::Level(level)));
+                ui.selectable_value(&mut part, PlantPart::Level(level), called(plant, PlantPart::Level(level)));
             }
         });
         self.landmark("part", &shown.response);
@@ -128,7 +128,7 @@ impl ViewerUi {
             if field.lost_focus() && !self.plants.name.is_empty() {
                 match plant.branches.iter().position(|b| b.0 == self.plants.name) {
                     Some(index) => {
-                        part = Part::Branch(index);
+                        part = PlantPart::Branch(index);
                         self.message.clear();
                     }
                     None => self.message = format!("the plant has no branch \"{}\"", self.plants.name),
@@ -136,7 +136,7 @@ impl ViewerUi {
             }
         });
         if (chosen, part) != (self.plants.plant, self.plants.part) {
-            let part = if chosen == self.plants.plant { part } else { Part::Level(0) };
+            let part = if chosen == self.plants.plant { part } else { PlantPart::Level(0) };
             self.plants.choose(chosen, part);
         }
         if self.scene.wind.is_none() {
@@ -146,7 +146,7 @@ impl ViewerUi {
 
     /// Applies factors to a part of a plant: the editor poses the plants again, and the picture shows the result. A
     /// refusal is shown, and the plants stay unchanged.
-    pub fn set_branches(&mut self, plant: usize, part: Part, edit: BranchEdit) {
+    pub fn set_branches(&mut self, plant: usize, part: PlantPart, edit: BranchEdit) {
         let mut edits = self.plants.edits.clone();
         match edit == BranchEdit::NONE {
             true => edits.remove(&(plant, part)),

@@ -2,7 +2,7 @@
 
 use egui::{Color32, ColorImage};
 use glam::Vec2;
-use mesophyll_viewer::scene::{Interior, Leaf, Mesh, Side, SideMaps};
+use mesophyll_viewer::scene::{Interior, LeafMaterial, Mesh, Side, SideMaps};
 
 /// Longest side of a thumbnail (pixels).
 const LONGEST: u32 = 96;
@@ -60,7 +60,7 @@ impl MapKind {
 
 /// For each texel of the front's maps, whether its centre lies on the mesh. Beyond the outline, maps hold a fill for
 /// the renderer's filters and no data.
-fn covered(leaf: &Leaf, mesh: Option<&Mesh>) -> Vec<bool> {
+fn covered(leaf: &LeafMaterial, mesh: Option<&Mesh>) -> Vec<bool> {
     let (width, height) = (leaf.width as usize, leaf.height as usize);
     let mut out = vec![false; width * height];
     let size = Vec2::new(width as f32, height as f32);
@@ -82,7 +82,12 @@ fn covered(leaf: &Leaf, mesh: Option<&Mesh>) -> Vec<bool> {
 
 /// A thumbnail and the range of values from black to white over the blade; `None` where the side has no such map.
 /// Texels beside the blade are transparent. `mesh` is one that the leaf is drawn with.
-pub(crate) fn thumbnail(leaf: &Leaf, mesh: Option<&Mesh>, side: Side, kind: MapKind) -> Option<(ColorImage, [f32; 2])> {
+pub(crate) fn thumbnail(
+    leaf: &LeafMaterial,
+    mesh: Option<&Mesh>,
+    side: Side,
+    kind: MapKind,
+) -> Option<(ColorImage, [f32; 2])> {
     let maps = &leaf.sides[side];
     kind.value(maps, 0)?;
     let step = leaf.width.max(leaf.height).div_ceil(LONGEST).max(1);
@@ -139,7 +144,7 @@ mod tests {
             indices: vec![0, 3, 2, 0, 2, 1],
             ..Mesh::default()
         };
-        let leaf = Leaf {
+        let leaf = LeafMaterial {
             name: "half".into(),
             width: 8,
             height: 6,

@@ -8,10 +8,10 @@ pub use pairs::open;
 
 use crate::cli::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_files::table::{Groups, Spec, Table, percent};
-use mesophyll_files::unit::Unit;
+use mesophyll_files::table::{BatchSpec, Groups, InputTable, percent};
+use mesophyll_files::unit::LengthUnit;
 use mesophyll_optics::side::Side;
-use name::Name;
+use name::SpectrumColumnName;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -20,7 +20,7 @@ pub const LEAF: [&str; 4] = ["leaf", "leaf_id", "sample", "sample_id"];
 
 /// A column of readings.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Column {
+pub struct SpectrumColumn {
     pub name: String,
     /// The column of its standard errors, which the table may lack.
     pub error: String,
@@ -32,7 +32,7 @@ pub struct Column {
     pub side: Option<Side>,
 }
 
-impl Column {
+impl SpectrumColumn {
     pub fn is_abaxial(&self) -> bool {
         self.side == Some(Side::Back)
     }
@@ -40,9 +40,9 @@ impl Column {
 
 /// Columns whose names have a number.
 #[derive(Debug, Default)]
-pub struct Wide {
+pub struct WideSpectra {
     /// Readings, each with its wavelength.
-    pub readings: Vec<Column>,
+    pub readings: Vec<SpectrumColumn>,
     /// Wavelengths (nm) of columns whose names do not say what they hold.
     pub bare: Vec<(String, f64)>,
     /// Names with numbers that count: `R1`, `R2`.
@@ -51,43 +51,44 @@ pub struct Wide {
 
 /// A table with a row for each wavelength.
 #[derive(Debug)]
-pub struct Long {
+pub struct LongSpectra {
     /// The column of wavelengths, and what its unit is in nm.
     pub wavelength: String,
     pub unit_nm: f64,
-    pub readings: Vec<Column>,
+    pub readings: Vec<SpectrumColumn>,
 }
 
 /// Names of a header that belong to spectra.
-fn names(table: &Table) -> Vec<(&String, Name)> {
-    table.header.iter().filter_map(|text| Some((text, Name::of(text)?))).collect()
+fn names(table: &InputTable) -> Vec<(&String, SpectrumColumnName)> {
+    table.header.iter().filter_map(|text| Some((text, SpectrumColumnName::of(text)?))).collect()
 }
 
 /// What tells a reading's column from others: quantity, number (as bits) and side.
 type Key = (Option<bool>, Option<u64>, Option<bool>);
 
-fn key(name: &Name) -> Key {
+fn key(name: &SpectrumColumnName) -> Key {
     (name.through, name.number.map(f64::to_bits), name.side.map(|side| side == Side::Back))
 }
 
 /// The columns of standard errors among `names`.
-fn errors<'a>(names: &[(&'a String, Name)]) -> HashMap<Key, &'a String> {
+fn errors<'a>(names: &[(&'a String, SpectrumColumnName)]) -> HashMap<Key, &'a String> {
     names.iter().filter(|(_, n)| n.error).map(|(text, n)| (key(n), *text)).collect()
 }
 
 /// The column of a reading's standard error, which the table may lack.
-fn error_of(text: &str, name: &Name, errors: &HashMap<Key, &String>) -> String {
+fn error_of(text: &str, name: &SpectrumColumnName, errors: &HashMap<Key, &String>) -> String {
     errors.get(&key(name)).map_or_else(|| format!("{text}_err"), |error| error.to_string())
 }
 
 /// The columns of a table whose names have a number.
-pub fn wide(table: &Table) -> Wide {
+pub fn wide(table: &InputTable) -> WideSpectra {
     let names = names(table);
-    let numbered: Vec<&(&String, Name)> = names.iter().filter(|(_, n)| n.is_numbered() && !n.error).collect();
+    let numbered: Vec<&(&String, SpectrumColumnName)> =
+        names.iter().filter(|(_, n)| n.is_numbered() && !n.error).collect();
     let numbers: Vec<f64> =
         numbered.iter().filter(|(_, n)| n.unit_nm.is_none()).filter_map(|(_, n)| n.number).collect();
     let micrometres = are_micrometres(&numbers) && numbers.iter().any(|v| v.fract() != 0.0);
-    let (mut found, errors) = (Wide::default(), errors(&names));
+    let (mut found, errors) = (WideSpectra::default(), errors(&names));
     for (text, name) in numbered {
         let unit = name.unit_nm.unwrap_or(if micrometres { 1e3 } else { 1.0 });
         let wavelength = in_nm(name.number.unwrap_or(f64::NAN), unit);
@@ -96,7 +97,7 @@ pub fn wide(table: &Table) -> Wide {
             continue;
         }
         match name.through {
-            Some(through) => found.readings.push(Column {
+            Some(through) => found.readings.push(SpectrumColumn {
                 name: text.to_string(),
                 error: error_of(text, name, &errors),
                 wavelength,
@@ -128,16 +129,16 @@ fn are_micrometres(numbers: &[f64]) -> bool {
 ///
 /// # Errors
 /// Two columns of one quantity; wavelengths in an unknown unit.
-pub fn long(table: &Table) -> Result<Option<Long>> {
+pub fn long(table: &InputTable) -> Result<Option<LongSpectra>> {
     let Some((wavelength, unit_nm)) = wavelength(table)? else { return Ok(None) };
-    Ok(Some(Long { wavelength, unit_nm, readings: readings(table)? }))
+    Ok(Some(LongSpectra { wavelength, unit_nm, readings: readings(table)? }))
 }
 
 /// The column of wavelengths, and what its unit is in nm.
 ///
 /// # Errors
 /// As [`long`].
-pub fn wavelength(table: &Table) -> Result<Option<(String, f64)>> {
+pub fn wavelength(table: &InputTable) -> Result<Option<(String, f64)>> {
     let names = names(table);
     let usual = names.iter().find(|(text, _)| *text == "wavelength_nm");
     let Some((column, name)) = usual.or_else(|| names.iter().find(|(_, n)| n.is_wavelength())) else { return Ok(None) };
@@ -149,7 +150,7 @@ pub fn wavelength(table: &Table) -> Result<Option<(String, f64)>> {
 }
 
 /// The unit of wavelengths by their size.
-fn unit_of(table: &Table, column: &str, values: &[f64]) -> Result<f64> {
+fn unit_of(table: &InputTable, column: &str, values: &[f64]) -> Result<f64> {
     if are_micrometres(values) {
         return Ok(1e3);
     }
@@ -166,9 +167,9 @@ fn unit_of(table: &Table, column: &str, values: &[f64]) -> Result<f64> {
 ///
 /// # Errors
 /// Two columns of one quantity and side.
-pub fn readings(table: &Table) -> Result<Vec<Column>> {
+pub fn readings(table: &InputTable) -> Result<Vec<SpectrumColumn>> {
     let names = names(table);
-    let (mut found, errors): (Vec<Column>, _) = (Vec::new(), errors(&names));
+    let (mut found, errors): (Vec<SpectrumColumn>, _) = (Vec::new(), errors(&names));
     for (text, name) in &names {
         let (Some(through), None, false, false) = (name.through, name.number, name.error, name.wavelength) else {
             continue;
@@ -178,7 +179,7 @@ pub fn readings(table: &Table) -> Result<Vec<Column>> {
             return Err(Error::field(table.name(), text, what));
         }
         let error = error_of(text, name, &errors);
-        found.push(Column { name: text.to_string(), error, wavelength: f64::NAN, through, side: name.side });
+        found.push(SpectrumColumn { name: text.to_string(), error, wavelength: f64::NAN, through, side: name.side });
     }
     Ok(found)
 }
@@ -189,7 +190,7 @@ pub fn readings(table: &Table) -> Result<Vec<Column>> {
 ///
 /// # Errors
 /// As [`readings`].
-pub fn find(table: &Table, usual: &[&str], names: &mut [String]) -> Result<()> {
+pub fn find(table: &InputTable, usual: &[&str], names: &mut [String]) -> Result<()> {
     let lacks = |k: usize, names: &[String]| names[k] == usual[k] && table.column(&names[k]).is_none();
     if lacks(0, names) && lacks(1, names) {
         let found = readings(table)?;
@@ -212,7 +213,7 @@ pub fn find(table: &Table, usual: &[&str], names: &mut [String]) -> Result<()> {
             let rest = lower.strip_prefix("leaf").map_or(lower.as_str(), |rest| rest.trim_start_matches(['_', ' ']));
             let unit =
                 rest.strip_prefix("thickness").map(|unit| unit.trim_matches([' ', '_', '(', ')', '[', ']', '.']));
-            unit.is_some_and(|unit| unit.is_empty() || unit.parse::<Unit>().is_ok())
+            unit.is_some_and(|unit| unit.is_empty() || unit.parse::<LengthUnit>().is_ok())
         };
         if let Some(thickness) = table.header.iter().find(is_thickness) {
             names[2].clone_from(thickness);
@@ -222,12 +223,12 @@ pub fn find(table: &Table, usual: &[&str], names: &mut [String]) -> Result<()> {
 }
 
 /// Whether there are columns with numbers in their names that are no readings with a wavelength.
-pub fn has_others(wide: &Wide) -> bool {
+pub fn has_others(wide: &WideSpectra) -> bool {
     !(wide.bare.is_empty() && wide.replicates.is_empty())
 }
 
 /// Why a table has no readings that can be used. `takes` says what the command takes.
-pub fn nothing(table: &Table, wide: &Wide, takes: &str) -> Error {
+pub fn nothing(table: &InputTable, wide: &WideSpectra, takes: &str) -> Error {
     let some = |names: &[String]| {
         let more = if names.len() > 4 { " and so on" } else { "" };
         format!("{}{more}", names[..names.len().min(4)].join(", "))
@@ -253,29 +254,30 @@ pub fn nothing(table: &Table, wide: &Wide, takes: &str) -> Error {
 
 /// In which unit a table's readings are.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shares {
+pub struct ReadingUnit {
     /// What is multiplied with them to make fractions of 1.
     pub scale: f64,
     /// Whether they plainly are in per cent and nobody said so.
     unsaid: bool,
 }
 
-impl Shares {
+impl ReadingUnit {
     /// Judges the first rows of `columns`. `percent` says that they are in per cent.
     ///
     /// # Errors
     /// [`Error::Input`] for readings that are fractions although `percent` says otherwise, and for a file of an
     /// instrument whose form states the other unit.
-    pub fn of(table: &Table, columns: &[String], percent: bool) -> Result<Shares> {
+    pub fn of(table: &InputTable, columns: &[String], percent: bool) -> Result<ReadingUnit> {
         let scale = if percent { 0.01 } else { 1.0 };
         if let Some(stated) = table.stated().filter(|stated| stated.unit.is_some()) {
             stated.check_percent(table.name(), percent)?;
-            return Ok(Shares { scale, unsaid: false });
+            return Ok(ReadingUnit { scale, unsaid: false });
         }
         // Marks of missing readings tell nothing.
         let mut values = table.head(columns);
         values.retain(|v| (-0.9..=200.0).contains(v));
-        let named = columns.iter().any(|c| table.column(c).is_some() && Name::of(c).is_some_and(|n| n.percent));
+        let named =
+            columns.iter().any(|c| table.column(c).is_some() && SpectrumColumnName::of(c).is_some_and(|n| n.percent));
         if percent && !named && percent::are_fractions(&values) {
             let largest = values.iter().fold(0.0, |a: f64, v| a.max(*v));
             let what =
@@ -283,7 +285,7 @@ impl Shares {
             return Err(Error::input(table.name(), what));
         }
         let unsaid = !percent && (named || percent::looks(&values));
-        Ok(Shares { scale, unsaid })
+        Ok(ReadingUnit { scale, unsaid })
     }
 
     /// Why these readings are refused before they are computed, if the whole table plainly is in per cent.
@@ -318,7 +320,7 @@ pub fn only_leaf(path: &Path) -> String {
 ///
 /// # Errors
 /// As [`Groups::read`]; a wavelength that is repeated where nothing names the leaves.
-pub fn leaves(table: Table, spec: &Spec) -> Result<Groups> {
+pub fn leaves(table: InputTable, spec: &BatchSpec) -> Result<Groups> {
     if let Some(by) = LEAF.into_iter().find(|by| table.column(by).is_some()) {
         return Groups::read(table, spec, by);
     }

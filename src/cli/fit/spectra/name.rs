@@ -5,7 +5,7 @@ use mesophyll_optics::side::Side;
 
 /// The parts of a column's name. A name with any other word in it belongs to no spectrum.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Name {
+pub struct SpectrumColumnName {
     /// Transmittance (true) or reflectance (false), where it says so.
     pub through: Option<bool>,
     /// The number in it, which is a wavelength or counts replicates.
@@ -47,19 +47,25 @@ pub fn quantity_of(cell: &str) -> Option<bool> {
     named.first().copied().filter(|first| named.iter().all(|q| q == first))
 }
 
-impl Name {
+impl SpectrumColumnName {
     /// The parts of a name; `None` where it belongs to no spectrum.
-    pub fn of(name: &str) -> Option<Name> {
+    pub fn of(name: &str) -> Option<SpectrumColumnName> {
         match name {
-            "rho_d" | "rho_t" => return Some(Name { through: Some(name == "rho_t"), ..Name::default() }),
+            "rho_d" | "rho_t" => {
+                return Some(SpectrumColumnName { through: Some(name == "rho_t"), ..SpectrumColumnName::default() });
+            }
             "rho_d_err" | "rho_t_err" => {
-                return Some(Name { through: Some(name == "rho_t_err"), error: true, ..Name::default() });
+                return Some(SpectrumColumnName {
+                    through: Some(name == "rho_t_err"),
+                    error: true,
+                    ..SpectrumColumnName::default()
+                });
             }
             _ => {}
         }
         let tokens = tokens(name)?;
         let numbered = tokens.iter().any(|t| matches!(t, Token::Number(_)));
-        let mut found = Name::default();
+        let mut found = SpectrumColumnName::default();
         for token in &tokens {
             let twice = match token {
                 Token::Number(v) => found.number.replace(*v).is_some(),
@@ -148,7 +154,7 @@ mod tests {
     #[test]
     fn names_are_taken_apart() {
         let of = |name: &str| {
-            let n = Name::of(name).unwrap_or_else(|| panic!("{name} is of a spectrum"));
+            let n = SpectrumColumnName::of(name).unwrap_or_else(|| panic!("{name} is of a spectrum"));
             (n.through, n.number, n.unit_nm, n.side, n.error, n.percent)
         };
         let (r, t) = (Some(false), Some(true));
@@ -171,12 +177,16 @@ mod tests {
             assert_eq!(of(name), want, "{name}");
         }
         for name in ["wl", "Wavelength (nm)", "wavelength_um", "nm", "lambda", "Wavelengths[µm]"] {
-            assert!(Name::of(name).unwrap().is_wavelength(), "{name}");
+            assert!(SpectrumColumnName::of(name).unwrap().is_wavelength(), "{name}");
         }
         for name in
             ["leaf", "thickness_um", "h", "t", "note", "", "450_460", "R450T450", "Tag", "water_g_cm2", "2013-09-20"]
         {
-            assert_eq!(Name::of(name).filter(|n| n.number.is_some() || n.through.is_some()), None, "{name}");
+            assert_eq!(
+                SpectrumColumnName::of(name).filter(|n| n.number.is_some() || n.through.is_some()),
+                None,
+                "{name}"
+            );
         }
         assert_eq!(
             ["Reflectance (%)", "T", "transmittance", "R/T", "absorbance"].map(quantity_of),

@@ -1,11 +1,11 @@
 //! Tables with two rows a leaf, one of reflectance and one of transmittance, told apart by a column. They become tables
 //! with a row for each leaf and wavelength.
 
-use super::name::{Name, quantity_of};
-use super::{LEAF, Wide, in_nm, only_leaf, wide};
+use super::name::{SpectrumColumnName, quantity_of};
+use super::{LEAF, WideSpectra, in_nm, only_leaf, wide};
 use crate::cli::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_files::table::{Record, Table, counted, push_quoted};
+use mesophyll_files::table::{InputTable, TableRecord, counted, push_quoted};
 use std::collections::{HashMap, HashSet};
 use std::io::Cursor;
 use std::path::Path;
@@ -33,11 +33,12 @@ const VALUE: [&str; 5] = ["value", "reading", "values", "data", "result"];
 ///
 /// # Errors
 /// As [`Table::open`]; where nothing says which rows belong together.
-pub fn open(path: &Path) -> Result<Table> {
-    let table = Table::open(path)?;
+pub fn open(path: &Path) -> Result<InputTable> {
+    let table = InputTable::open(path)?;
     let found = wide(&table);
     let value = VALUE.into_iter().find_map(|name| column_like(&table, name));
-    let wavelength = table.header.iter().position(|text| Name::of(text).is_some_and(|n| n.is_wavelength()));
+    let wavelength =
+        table.header.iter().position(|text| SpectrumColumnName::of(text).is_some_and(|n| n.is_wavelength()));
     let tidy = value.zip(wavelength);
     if !found.readings.is_empty() || found.bare.is_empty() && tidy.is_none() {
         return Ok(table);
@@ -48,12 +49,12 @@ pub fn open(path: &Path) -> Result<Table> {
     }
 }
 
-fn column_like(table: &Table, name: &str) -> Option<usize> {
+fn column_like(table: &InputTable, name: &str) -> Option<usize> {
     table.header.iter().position(|h| h.trim().eq_ignore_ascii_case(name))
 }
 
 /// The column that says of each row whether it holds reflectance or transmittance.
-fn kind_column(table: &Table, found: &Wide) -> Option<usize> {
+fn kind_column(table: &InputTable, found: &WideSpectra) -> Option<usize> {
     let bare: HashSet<&String> = found.bare.iter().map(|(name, _)| name).collect();
     let says = |k: &usize| {
         let name = &table.header[*k];
@@ -80,7 +81,7 @@ struct Leaf {
 }
 
 /// Puts the rows of each leaf together.
-fn joined(mut table: Table, found: &Wide, kind: usize, tidy: Option<(usize, usize)>) -> Result<Table> {
+fn joined(mut table: InputTable, found: &WideSpectra, kind: usize, tidy: Option<(usize, usize)>) -> Result<InputTable> {
     let bare: Vec<(usize, f64)> = match tidy {
         Some(_) if found.bare.is_empty() => Vec::new(),
         _ => found.bare.iter().filter_map(|(name, nm)| Some((table.column(name)?, *nm))).collect(),
@@ -99,7 +100,7 @@ fn joined(mut table: Table, found: &Wide, kind: usize, tidy: Option<(usize, usiz
     beside.retain(|&k| !["wavelength_nm", "R", "T", ""].contains(&table.header[k].as_str()));
     let side = table.column("side");
     let (mut leaves, mut places): (Vec<Leaf>, HashMap<(String, String), usize>) = Default::default();
-    let (mut record, mut others) = (Record::default(), 0);
+    let (mut record, mut others) = (TableRecord::default(), 0);
     while table.next_record(&mut record)? {
         let line = record.line();
         if let Some(fault) = record.fault(table.header.len()) {
@@ -152,7 +153,7 @@ fn joined(mut table: Table, found: &Wide, kind: usize, tidy: Option<(usize, usiz
             lines.push(leaf_rows.line);
         }
     }
-    let joined = Table::from_reader(Box::new(Cursor::new(text)), table.name().to_path_buf())?;
+    let joined = InputTable::from_reader(Box::new(Cursor::new(text)), table.name().to_path_buf())?;
     Ok(joined.standing_for(table.source(), lines))
 }
 
@@ -175,7 +176,7 @@ fn by_wavelength(leaf: &Leaf) -> Vec<(f64, [String; 2])> {
 }
 
 /// A cell with a decimal point, where it is a number.
-fn plain(table: &Table, record: &Record, k: usize) -> String {
+fn plain(table: &InputTable, record: &TableRecord, k: usize) -> String {
     let text = record.shown(k);
     match table.number(record, k) {
         Ok(Some(v)) if text.contains(',') => v.to_string(),

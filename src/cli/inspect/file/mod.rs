@@ -1,13 +1,13 @@
 //! `mesophyll inspect FILE`: what a file is, what it holds, and which command takes it.
 
-mod others;
+mod formats;
+mod spectrum;
 mod tables;
-mod takes;
 
 use crate::cli::fit::spectra;
-use crate::cli::{Common, Error, Result};
+use crate::cli::{CommonArgs, Error, Result};
 use mesophyll_files::atomic::explain;
-use mesophyll_files::instrument::{self, File, Form, Quantity, Unit};
+use mesophyll_files::instrument::{self, InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
 use serde::Serialize;
 use std::fmt::Write;
 use std::io::Read;
@@ -49,7 +49,7 @@ fn quoted(path: &Path) -> String {
     if !text.is_empty() && text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', r"'\''")) }
 }
 
-pub fn run(path: &Path, common: &Common) -> Result<u8> {
+pub fn run(path: &Path, common: &CommonArgs) -> Result<u8> {
     let unreadable = |e: std::io::Error| Error::input(path, explain(&e));
     let mut file = std::fs::File::open(path).map_err(unreadable)?;
     let mut head = Vec::with_capacity(instrument::HEAD);
@@ -62,7 +62,7 @@ pub fn run(path: &Path, common: &Common) -> Result<u8> {
             let bytes = instrument::whole(head, file, path)?;
             of_instrument(form, &bytes, path)?
         }
-        None => match others::told(&head, path)? {
+        None => match formats::told(&head, path)? {
             Some(found) => found,
             None => tables::of(spectra::open(path)?, path)?,
         },
@@ -75,8 +75,8 @@ pub fn run(path: &Path, common: &Common) -> Result<u8> {
     Ok(0)
 }
 
-fn of_instrument(form: Form, bytes: &[u8], path: &Path) -> Result<Found> {
-    if form == Form::Xlsx {
+fn of_instrument(form: InstrumentFormat, bytes: &[u8], path: &Path) -> Result<Found> {
+    if form == InstrumentFormat::Xlsx {
         // The sheet that is read becomes a table, as in every command.
         let table = spectra::open(path)?;
         let notes = table.stated().map(|s| s.notes().to_vec()).unwrap_or_default();
@@ -99,11 +99,11 @@ fn of_instrument(form: Form, bytes: &[u8], path: &Path) -> Result<Found> {
         ..Found::default()
     };
     if file.barred.is_none() {
-        let spectrum = takes::Spectrum {
-            reflectance: file.has(Quantity::Reflectance),
-            transmittance: file.has(Quantity::Transmittance),
+        let spectrum = spectrum::SpectrumContents {
+            reflectance: file.has(SpectrumQuantity::Reflectance),
+            transmittance: file.has(SpectrumQuantity::Transmittance),
             thickness: file.thickness_mm.is_some() || file.readings.iter().any(|r| !r.thickness_mm.is_nan()),
-            percent: file.unit == Some(Unit::PerCent),
+            percent: file.unit == Some(ReflectanceUnit::PerCent),
             wavelengths: file.range.is_some(),
             index: file.index.filter(|n| *n != 1.0),
         };
@@ -114,7 +114,7 @@ fn of_instrument(form: Form, bytes: &[u8], path: &Path) -> Result<Found> {
 }
 
 /// What the form states besides the readings.
-fn further(file: &File) -> Vec<String> {
+fn further(file: &InstrumentFile) -> Vec<String> {
     let mut notes = Vec::new();
     if let Some(h) = file.thickness_mm {
         notes.push(format!("thickness {h} mm"));

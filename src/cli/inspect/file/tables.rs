@@ -1,10 +1,10 @@
 //! Which command takes a table, by the names of its columns.
 
-use super::takes::Spectrum;
+use super::spectrum::SpectrumContents;
 use super::{Found, listed, quoted};
 use crate::cli::Result;
-use crate::cli::fit::spectra::{self, LEAF, Shares};
-use mesophyll_files::table::{Record, Table};
+use crate::cli::fit::spectra::{self, LEAF, ReadingUnit};
+use mesophyll_files::table::{InputTable, TableRecord};
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -51,7 +51,7 @@ const KINDS: [(&[&str], &str, &str); 16] = [
 ];
 
 /// What a table holds, and which command takes it.
-pub fn of(mut table: Table, path: &Path) -> Result<Found> {
+pub fn of(mut table: InputTable, path: &Path) -> Result<Found> {
     let mut found = Found { form: "a table".into(), ..Found::default() };
     let there = |name: &&str| table.column(name).is_some();
     let matches = |columns: &&[&str]| columns.iter().all(|c| c.split('|').any(|name| there(&name)));
@@ -67,7 +67,7 @@ pub fn of(mut table: Table, path: &Path) -> Result<Found> {
         }
         None => return spectra(table, found, path),
     }
-    let (mut record, mut rows) = (Record::default(), 0);
+    let (mut record, mut rows) = (TableRecord::default(), 0);
     while table.next_record(&mut record)? {
         rows += 1;
     }
@@ -76,7 +76,7 @@ pub fn of(mut table: Table, path: &Path) -> Result<Found> {
 }
 
 /// A table of reflectances and transmittances, in any form that the fits of spectra read.
-fn spectra(mut table: Table, mut found: Found, path: &Path) -> Result<Found> {
+fn spectra(mut table: InputTable, mut found: Found, path: &Path) -> Result<Found> {
     let wide = spectra::wide(&table);
     let (columns, across) = match spectra::long(&table)? {
         _ if !wide.readings.is_empty() => (wide.readings.clone(), None),
@@ -85,12 +85,12 @@ fn spectra(mut table: Table, mut found: Found, path: &Path) -> Result<Found> {
     };
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     // With two rows a leaf the readings are found in another table; here they are unknown.
-    let percent = !names.is_empty() && Shares::of(&table, &names, false).is_ok_and(|shares| shares.refuses_all());
+    let percent = !names.is_empty() && ReadingUnit::of(&table, &names, false).is_ok_and(|shares| shares.refuses_all());
     let places: Vec<usize> = names.iter().map(|name| table.require(name)).collect::<Result<_>>()?;
     let leaf = LEAF.iter().find_map(|name| table.column(name));
     let (mut leaves, mut wavelengths) = (HashSet::new(), HashSet::new());
     let (mut rows, mut read) = (0, vec![0usize; places.len()]);
-    let mut record = Record::default();
+    let mut record = TableRecord::default();
     while table.next_record(&mut record)? {
         rows += 1;
         let number = |k: usize| table.number(&record, k).ok().flatten().filter(|v| v.is_finite());
@@ -124,7 +124,7 @@ fn spectra(mut table: Table, mut found: Found, path: &Path) -> Result<Found> {
     let usual = ["rho_d", "rho_t", "h", "", ""];
     let mut inputs = usual.map(String::from);
     spectra::find(&table, &usual, &mut inputs)?;
-    let spectrum = Spectrum {
+    let spectrum = SpectrumContents {
         reflectance: has(false),
         transmittance: has(true),
         thickness: table.column(&inputs[2]).is_some(),

@@ -1,11 +1,13 @@
 //! Each form, written from its definition, gives the spectrum that went in.
 
 use super::writers::*;
-use crate::instrument::{File, Form, Quantity, Reading, Unit, read, recognise, through};
+use crate::instrument::{
+    InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectralReading, SpectrumQuantity, read, recognise, through,
+};
 use std::io::Read;
 use std::path::Path;
 
-fn of(bytes: impl AsRef<[u8]>) -> File {
+fn of(bytes: impl AsRef<[u8]>) -> InstrumentFile {
     read(bytes.as_ref(), "maple").unwrap()
 }
 
@@ -16,7 +18,7 @@ fn barred(bytes: impl AsRef<[u8]>) -> String {
 }
 
 /// All readings are the test leaf's to `within`, times `scale`, and their wavelengths ascend.
-fn is_leaf(file: &File, value: fn(&Reading) -> f64, scale: f64, within: f64) {
+fn is_leaf(file: &InstrumentFile, value: fn(&SpectralReading) -> f64, scale: f64, within: f64) {
     assert!(file.barred.is_none() && file.readings.len() > 100, "{:?}", file.barred);
     for (k, r) in file.readings.iter().enumerate() {
         assert!((value(r) - scale * leaf(r.wavelength)).abs() <= within, "{r:?}: {}", leaf(r.wavelength));
@@ -36,13 +38,16 @@ fn as_table(bytes: &[u8], name: &str) -> Result<String, String> {
 #[test]
 fn sig_in_per_cent_and_in_shares_with_overlapping_detectors() {
     let file = of(sig(&three_detectors(), 100.0, 1.0));
-    assert_eq!((file.form, file.unit, file.wavelengths), (Form::SpectraVista, Some(Unit::PerCent), 957));
+    assert_eq!(
+        (file.form, file.unit, file.wavelengths),
+        (InstrumentFormat::SpectraVista, Some(ReflectanceUnit::PerCent), 957)
+    );
     assert_eq!(file.range, Some([340.0, 2515.0]));
-    assert!(file.has(Quantity::Radiance) && file.has(Quantity::Reflectance));
+    assert!(file.has(SpectrumQuantity::Radiance) && file.has(SpectrumQuantity::Reflectance));
     assert_eq!(file.instrument.as_deref(), Some("HI: 1234567 (HR-1024i)"));
     is_leaf(&file, |r| r.r, 100.0, 1e-4);
     assert!(file.notes.iter().any(|n| n.contains("joined in the middle of their overlap")), "{:?}", file.notes);
-    assert_eq!(of(sig(&three_detectors(), 1.0, 1.0)).unit, Some(Unit::Share));
+    assert_eq!(of(sig(&three_detectors(), 1.0, 1.0)).unit, Some(ReflectanceUnit::Share));
     // A detector that reads 5 % more is noted.
     let step = of(sig(&three_detectors(), 100.0, 1.05));
     assert!(step.notes.iter().any(|n| n.contains("5.0 % more")), "{:?}", step.notes);
@@ -78,16 +83,16 @@ fn sed_by_its_columns_and_its_measurement() {
     let file = of(sed("REFLECTANCE", &dn, cells));
     assert_eq!(
         (file.form, file.unit, file.range),
-        (Form::SpectralEvolution, Some(Unit::PerCent), Some([350.0, 2500.0]))
+        (InstrumentFormat::SpectralEvolution, Some(ReflectanceUnit::PerCent), Some([350.0, 2500.0]))
     );
-    assert!(file.has(Quantity::Counts));
+    assert!(file.has(SpectrumQuantity::Counts));
     is_leaf(&file, |r| r.r, 100.0, 1e-3);
     let share =
         of(sed("REFLECTANCE", &["Rad. (Ref.)", "Rad. (Target)", "Reflect. [1.0]"], |k, w| [2.0, 1.0, leaf(w)][k]));
-    assert_eq!(share.unit, Some(Unit::Share));
+    assert_eq!(share.unit, Some(ReflectanceUnit::Share));
     is_leaf(&share, |r| r.r, 1.0, 1e-5);
     let through = of(sed("TRANSMITTANCE", &["Reflect. %"], |_, w| 100.0 * leaf(w)));
-    assert!(through.has(Quantity::Transmittance) && !through.has(Quantity::Reflectance));
+    assert!(through.has(SpectrumQuantity::Transmittance) && !through.has(SpectrumQuantity::Reflectance));
     is_leaf(&through, |r| r.t, 100.0, 1e-3);
     let radiance = barred(sed("RADIANCE", &["Rad. (Ref.)", "Rad. (Target)"], |_, _| 1.0));
     assert!(radiance.contains("it holds radiance"), "{radiance}");
@@ -99,9 +104,12 @@ fn asd_counts_need_their_reference() {
     for format in 0..3 {
         for version in [2, 3, 4, 5, 6, 7, 8] {
             let file = of(Asd { version, format, ..Asd::counts() }.bytes());
-            assert_eq!((file.form, file.unit, file.wavelengths), (Form::Asd, Some(Unit::Share), 2151));
+            assert_eq!(
+                (file.form, file.unit, file.wavelengths),
+                (InstrumentFormat::Asd, Some(ReflectanceUnit::Share), 2151)
+            );
             is_leaf(&file, |r| r.r, 1.0, if format == 1 { 1e-4 } else { 1e-6 });
-            assert!(file.has(Quantity::Counts) && file.has(Quantity::Reflectance));
+            assert!(file.has(SpectrumQuantity::Counts) && file.has(SpectrumQuantity::Reflectance));
         }
     }
     let none = Asd { white: None, ..Asd::counts() };
@@ -133,7 +141,7 @@ fn asd_reflectance_is_taken_as_stored_or_divided() {
     // The programs also say reflectance of a file with the counts of both.
     is_leaf(&of(Asd { data_type: 1, ..Asd::counts() }.bytes()), |r| r.r, 1.0, 1e-12);
     let through = of(Asd { data_type: 6, ..Asd::counts() }.bytes());
-    assert!(through.has(Quantity::Transmittance));
+    assert!(through.has(SpectrumQuantity::Transmittance));
     is_leaf(&through, |r| r.t, 1.0, 1e-12);
     assert!(barred(Asd { data_type: 1, white: None, ..Asd::counts() }.bytes()).contains("without a white reference"));
 }
@@ -149,7 +157,7 @@ fn asd_text_says_what_it_holds() {
         )
     };
     let file = of(text("Data is compared to a white reference:"));
-    assert_eq!((file.form, file.leaves[0].as_str()), (Form::AsdText, "x"));
+    assert_eq!((file.form, file.leaves[0].as_str()), (InstrumentFormat::AsdText, "x"));
     is_leaf(&file, |r| r.r, 1.0, 1e-12);
     assert!(barred(text("Data is not compared to a white reference")).contains("raw counts"));
 }
@@ -167,11 +175,24 @@ fn ci710_pairs_the_modes_of_a_leaf() {
                 ("reflectance", "oak", &t),
             ],
         ));
-        assert_eq!((file.form, file.unit, file.leaves.len()), (Form::Ci710, Some(Unit::PerCent), 2));
+        assert_eq!(
+            (file.form, file.unit, file.leaves.len()),
+            (InstrumentFormat::Ci710, Some(ReflectanceUnit::PerCent), 2)
+        );
         assert_eq!(file.leaves, ["oak", "oak 2"]);
-        assert_eq!(file.holds, [(Quantity::Reflectance, 2), (Quantity::Transmittance, 1), (Quantity::Absorbance, 1)]);
+        assert_eq!(
+            file.holds,
+            [
+                (SpectrumQuantity::Reflectance, 2),
+                (SpectrumQuantity::Transmittance, 1),
+                (SpectrumQuantity::Absorbance, 1)
+            ]
+        );
         assert_eq!(file.range, Some([150.0, 150.0 + 0.75 * 1599.0]));
-        let first = File { readings: file.readings.iter().filter(|r| r.leaf == 0).copied().collect(), ..file.clone() };
+        let first = InstrumentFile {
+            readings: file.readings.iter().filter(|r| r.leaf == 0).copied().collect(),
+            ..file.clone()
+        };
         is_leaf(&first, |r| r.r, 100.0, 1e-5);
         is_leaf(&first, |r| r.t, 50.0, 1e-5);
         assert!(first.readings.iter().all(|r| (380.0..=1100.0).contains(&r.wavelength)));
@@ -186,8 +207,8 @@ fn licor_texts() {
     let text =
         format!("Model Name\tLI-180\nSerial Number\tA1\nTime\t2021/03/02_09:24:26\nPPFD\t129.8\n{values}CCT\t5465.0\n");
     let file = of(text);
-    assert_eq!((file.form, file.range, file.wavelengths), (Form::Li180, Some([380.0, 780.0]), 401));
-    assert!(file.has(Quantity::Irradiance) && file.barred.unwrap().contains("irradiance of a light"));
+    assert_eq!((file.form, file.range, file.wavelengths), (InstrumentFormat::Li180, Some([380.0, 780.0]), 401));
+    assert!(file.has(SpectrumQuantity::Irradiance) && file.barred.unwrap().contains("irradiance of a light"));
     let prn = |remark: &str| {
         let values: String = (175..=400).map(|k| format!(" {}  {:.3E}\r\n", 2 * k, leaf(f64::from(2 * k)))).collect();
         format!(
@@ -196,7 +217,7 @@ fn licor_texts() {
         )
     };
     let file = of(prn("REFL GREEN AD 1 "));
-    assert_eq!((file.form, file.unit), (Form::Li1800, Some(Unit::Share)));
+    assert_eq!((file.form, file.unit), (InstrumentFormat::Li1800, Some(ReflectanceUnit::Share)));
     is_leaf(&file, |r| r.r, 1.0, 1e-3);
     is_leaf(&of(prn("trans. of a leaf")), |r| r.t, 1.0, 1e-3);
     assert!(barred(prn("TLD 36W/865 (QNTM)")).contains("irradiance"));
@@ -209,7 +230,7 @@ fn rxt_without_a_sphere_and_in_a_dual_beam() {
     let file = of(rxt(header(0.0), "made here", "2", readings));
     assert_eq!(
         (file.form, file.unit, file.index, file.thickness_mm),
-        (Form::Iad, Some(Unit::Share), Some(1.4), Some(2.5))
+        (InstrumentFormat::Iad, Some(ReflectanceUnit::Share), Some(1.4), Some(2.5))
     );
     let found: Vec<_> = file.readings.iter().map(|r| (r.wavelength, r.r, r.t)).collect();
     assert_eq!(found[1..], [(900.0, 0.31, 0.21), (1000.0, 0.3, 0.2)]);

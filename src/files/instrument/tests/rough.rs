@@ -26,7 +26,7 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
 fn look(what: &str, bytes: &[u8]) {
     let outcome = match recognise(bytes) {
         None => return,
-        Some(crate::instrument::Form::Xlsx) => sheet(bytes).map(|_| None),
+        Some(crate::instrument::InstrumentFormat::Xlsx) => sheet(bytes).map(|_| None),
         Some(_) => read(bytes, "x").map(Some),
     };
     match outcome {
@@ -35,7 +35,7 @@ fn look(what: &str, bytes: &[u8]) {
             assert_eq!(file.barred.is_some(), file.readings.is_empty(), "{what}: {:?}", file.barred);
             let places = file.readings.iter().all(|r| r.leaf < file.leaves.len());
             assert!(places && file.wavelengths > 0, "{what}");
-            assert!(crate::instrument::long::table(&file).starts_with(b"leaf"));
+            assert!(crate::instrument::long_form::table(&file).starts_with(b"leaf"));
         }
         Ok(None) => {}
     }

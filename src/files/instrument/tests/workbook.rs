@@ -1,7 +1,7 @@
 //! Workbooks, written as the parts of the format that a reader needs.
 
 use crate::instrument::xlsx::unpacks_within;
-use crate::instrument::{Form, recognise, sheet};
+use crate::instrument::{InstrumentFormat, recognise, sheet};
 use std::io::Write;
 use zip::write::SimpleFileOptions;
 
@@ -117,7 +117,7 @@ fn csv(bytes: &[u8]) -> (String, String) {
 
 #[test]
 fn a_sheet_becomes_a_table() {
-    assert_eq!(recognise(&small()), Some(Form::Xlsx));
+    assert_eq!(recognise(&small()), Some(InstrumentFormat::Xlsx));
     assert_eq!(csv(&small()).0, "leaf,R450\na,0.05\n");
     // A title, an empty row and column, whole numbers as names, commas in texts, errors, a date, a remark beside.
     let cells = [

@@ -2,17 +2,17 @@
 //! a coordinate that follows the taper. The four are smooth functions of the taper, so that a tree needs no fit for
 //! each branch.
 
-use mesophyll_base::solve::{Fit, Noise, linear};
+use mesophyll_base::solvers::{Fit, ResidualNoise, linear_algebra};
 use mesophyll_plants::mechanics::beam;
 use mesophyll_plants::mechanics::taper::{
-    self, Shape, Smooth, TERMS, chebyshev, coordinate, position, scaled, unscaled,
+    self, TERMS, TaperSeries, TaperShape, chebyshev, coordinate, position, scaled, unscaled,
 };
 use nalgebra::DMatrix;
 use std::sync::LazyLock;
 
 /// H9 Eq. 4.8: the deflection u = c₂x² + c₄x⁴ at the place x along the branch, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Pair {
+pub struct DeflectionPolynomial {
     /// Coefficient of x².
     pub c2: f64,
     /// Coefficient of x⁴.
@@ -26,32 +26,32 @@ pub struct Pair {
 /// Least squares over `samples` evenly spaced places from 0 to 1, both included. 101 places are the sampling of H9
 /// Table 4.1. They reproduce the table's coefficients to every digit, but two of its Δmax (largest errors) are
 /// misprinted: α = 0.1 has .0024 for .00268, and α = 0.2 has .0081 for .00855.
-pub fn pair(alpha: f64, samples: usize) -> Pair {
+pub fn pair(alpha: f64, samples: usize) -> DeflectionPolynomial {
     let x: Vec<f64> = (0..samples).map(|k| k as f64 / (samples - 1).max(1) as f64).collect();
     let a = DMatrix::from_fn(samples, 2, |i, j| if j == 0 { x[i].powi(2) } else { x[i].powi(4) });
     let b: Vec<f64> = x.iter().map(|x| beam::deflection(alpha, *x)).collect();
-    let fit = linear::solve(&a, &b, &[], Noise::Estimated);
+    let fit = linear_algebra::solve(&a, &b, &[], ResidualNoise::Estimated);
     let (c2, c4) = (fit.params[0], fit.params[1]);
     let max_error = worst(alpha, |x| c2 * x * x + c4 * x.powi(4));
-    Pair { c2, c4, max_error, fit }
+    DeflectionPolynomial { c2, c4, max_error, fit }
 }
 
 /// Largest |u − approximation| over x, at 1,600 places: half of them evenly spaced in x, half in the taper's own
 /// coordinate.
 pub fn worst(alpha: f64, approximation: impl Fn(f64) -> f64) -> f64 {
-    let shape = Shape::new(alpha, [0.0; TERMS]);
+    let shape = TaperShape::new(alpha, [0.0; TERMS]);
     (0..=800)
         .flat_map(|k| {
             let t = f64::from(k) / 800.0;
             [t, position(&shape, t).min(1.0)]
         })
         .map(|x| (beam::deflection(alpha, x) - approximation(x)).abs())
-        .fold(0.0, mesophyll_base::solve::qr::nan_max)
+        .fold(0.0, mesophyll_base::solvers::qr::nan_max)
 }
 
 /// The variable that a polynomial uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Variable {
+pub enum PolynomialVariable {
     /// The place x: shifted Chebyshev polynomials times x².
     Place,
     /// The taper's coordinate y = ln(1+(α−1)x)/ln α.
@@ -60,25 +60,26 @@ pub enum Variable {
 
 /// Worst error over the taper range, in units of the tip's deflection, when each branch is fitted on its own with
 /// `terms` coefficients. It tells what a basis can achieve.
-pub fn of_branches(variable: Variable, terms: usize) -> f64 {
+pub fn of_branches(variable: PolynomialVariable, terms: usize) -> f64 {
     (0..=24)
         .map(|k| {
             let alpha = 1e-4f64.powf(f64::from(k) / 24.0);
-            let shape = Shape::new(alpha, [0.0; TERMS]);
+            let shape = TaperShape::new(alpha, [0.0; TERMS]);
             let functions = |x: f64| -> Vec<f64> {
-                let v = if variable == Variable::Place { x } else { coordinate(&shape, x) };
+                let v = if variable == PolynomialVariable::Place { x } else { coordinate(&shape, x) };
                 chebyshev(2.0 * v - 1.0, terms).iter().map(|t| v * v * t).collect()
             };
-            let places: Vec<f64> =
-                nodes(64).map(|t| if variable == Variable::Place { t } else { position(&shape, t).min(1.0) }).collect();
+            let places: Vec<f64> = nodes(64)
+                .map(|t| if variable == PolynomialVariable::Place { t } else { position(&shape, t).min(1.0) })
+                .collect();
             let rows: Vec<Vec<f64>> = places.iter().map(|x| functions(*x)).collect();
             let a = DMatrix::from_fn(places.len(), terms, |i, j| rows[i][j]);
             let b: Vec<f64> = places.iter().map(|x| beam::deflection(alpha, *x)).collect();
-            let c = linear::solve(&a, &b, &[], Noise::Estimated).params;
+            let c = linear_algebra::solve(&a, &b, &[], ResidualNoise::Estimated).params;
             let error = worst(alpha, |x| functions(x).iter().zip(&c).map(|(f, c)| f * c).sum());
             error / beam::deflection(alpha, 1.0)
         })
-        .fold(0.0, mesophyll_base::solve::qr::nan_max)
+        .fold(0.0, mesophyll_base::solvers::qr::nan_max)
 }
 
 /// Chebyshev nodes on (0, 1).
@@ -88,14 +89,14 @@ fn nodes(n: usize) -> impl Iterator<Item = f64> {
 
 /// Coefficients of all tapers at once.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SmoothFit {
+pub struct TaperPolynomials {
     /// Series by power of y (from 2), each in Chebyshev polynomials of the scaled ln α.
     pub series: Vec<Vec<f64>>,
     /// The least-squares fit: residuals are relative to the tip's deflection.
     pub fit: Fit,
 }
 
-impl SmoothFit {
+impl TaperPolynomials {
     /// Coefficients of one branch.
     pub fn coefficients(&self, alpha: f64) -> Vec<f64> {
         let t = chebyshev(scaled(alpha), self.series.first().map_or(0, Vec::len));
@@ -105,7 +106,7 @@ impl SmoothFit {
     /// Largest error over x at one taper.
     pub fn error(&self, alpha: f64) -> f64 {
         let a = self.coefficients(alpha);
-        let shape = Shape::new(alpha, [0.0; TERMS]);
+        let shape = TaperShape::new(alpha, [0.0; TERMS]);
         worst(alpha, |x| {
             let y = coordinate(&shape, x);
             a.iter().rev().fold(0.0, |p, a| p * y + a) * y * y
@@ -126,13 +127,13 @@ const GRID: usize = 32;
 
 /// One least-squares fit of `terms` series of `degree`. The residual is relative to the deflection of each taper's tip,
 /// so that all tapers have the same weight.
-pub fn smooth_fit(terms: usize, degree: usize) -> SmoothFit {
+pub fn smooth_fit(terms: usize, degree: usize) -> TaperPolynomials {
     let width = degree + 1;
     let mut rows: Vec<(Vec<f64>, f64)> = Vec::with_capacity(GRID * GRID);
     for s in nodes(GRID) {
         let s = 2.0 * s - 1.0;
         let alpha = unscaled(s);
-        let shape = Shape::new(alpha, [0.0; TERMS]);
+        let shape = TaperShape::new(alpha, [0.0; TERMS]);
         let (t, tip) = (chebyshev(s, width), beam::deflection(alpha, 1.0));
         for y in nodes(GRID) {
             let row = (0..terms * width).map(|k| y.powi((k / width) as i32 + 2) * t[k % width] / tip).collect();
@@ -141,31 +142,31 @@ pub fn smooth_fit(terms: usize, degree: usize) -> SmoothFit {
     }
     let a = DMatrix::from_fn(rows.len(), terms * width, |i, j| rows[i].0[j]);
     let b: Vec<f64> = rows.iter().map(|r| r.1).collect();
-    let fit = linear::solve(&a, &b, &[], Noise::Estimated);
-    SmoothFit { series: fit.params.chunks(width).map(<[f64]>::to_vec).collect(), fit }
+    let fit = linear_algebra::solve(&a, &b, &[], ResidualNoise::Estimated);
+    TaperPolynomials { series: fit.params.chunks(width).map(<[f64]>::to_vec).collect(), fit }
 }
 
 /// Degree of the series in ln α that the library uses: 4 × 6 numbers for all tapers.
 pub const DEGREE: usize = 5;
 
 /// The library's own coefficients; fitted once, in milliseconds.
-pub fn smooth() -> &'static (Smooth, SmoothFit) {
-    static FIT: LazyLock<(Smooth, SmoothFit)> = LazyLock::new(|| {
+pub fn smooth() -> &'static (TaperSeries, TaperPolynomials) {
+    static FIT: LazyLock<(TaperSeries, TaperPolynomials)> = LazyLock::new(|| {
         let fit = smooth_fit(TERMS, DEGREE);
-        (Smooth { series: std::array::from_fn(|k| fit.series[k].clone()) }, fit)
+        (TaperSeries { series: std::array::from_fn(|k| fit.series[k].clone()) }, fit)
     });
     &FIT
 }
 
 /// A branch's shape for a renderer; `alpha` in [[`beam::TAPER_MIN`], [`beam::TAPER_MAX`]].
-pub fn shape(alpha: f64) -> taper::Shape<f64> {
+pub fn shape(alpha: f64) -> taper::TaperShape<f64> {
     smooth().0.shape(alpha)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_plants::mechanics::{branch::Branch, length};
+    use mesophyll_plants::mechanics::{branch::BranchFrame, length};
 
     #[test]
     fn table_4_1_to_every_printed_digit() {
@@ -213,9 +214,9 @@ mod tests {
 
     #[test]
     fn the_taper_coordinate_needs_few_terms_where_powers_of_x_fail() {
-        assert!(of_branches(Variable::Place, 8) > 0.1);
-        assert!(of_branches(Variable::Taper, 4) < 0.004);
-        assert!(of_branches(Variable::Taper, 8) < of_branches(Variable::Taper, 4) / 10.0);
+        assert!(of_branches(PolynomialVariable::Place, 8) > 0.1);
+        assert!(of_branches(PolynomialVariable::Taper, 4) < 0.004);
+        assert!(of_branches(PolynomialVariable::Taper, 8) < of_branches(PolynomialVariable::Taper, 4) / 10.0);
     }
 
     /// The length of bent branches from the root to the tip and to places between, measured along the arc of the curve.
@@ -282,7 +283,7 @@ mod tests {
     #[test]
     fn a_branch_without_taper_bends_in_single_precision_as_in_double() {
         for alpha in [1.0 - 1e-5, 1.0, 1.0 + 1e-5, 0.05] {
-            let b = Branch {
+            let b = BranchFrame {
                 root: [0.0; 3],
                 t: [0.0, 0.0, 1.0],
                 r: [1.0, 0.0, 0.0],

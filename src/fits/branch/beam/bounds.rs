@@ -1,6 +1,6 @@
 //! What no branch has: readings, units and results that cannot be, each with the likely cause.
 
-use super::measured::{Along, Branch, Known, Reading};
+use super::fit::{BranchEstimate, DeflectionMark, MeasuredBranch, PositionReference};
 use mesophyll_plants::mechanics::load::Load;
 
 /// Slack on what cannot be: a share of the length or distance, besides five standard errors of a deflection.
@@ -18,8 +18,8 @@ const THICK: f64 = 0.2;
 
 /// Why a reading cannot be used or cannot be; `None` where nothing is wrong with it. `with_errors`: whether deflections
 /// of this branch have stated errors.
-fn fault(r: &Reading, length: f64, along: Along, with_errors: bool) -> Option<String> {
-    let Reading { position, deflection, error } = *r;
+fn fault(r: &DeflectionMark, length: f64, along: PositionReference, with_errors: bool) -> Option<String> {
+    let DeflectionMark { position, deflection, error } = *r;
     if !(0.0..=length * (1.0 + 1e-9)).contains(&position) {
         return Some(format!("position_mm is {position}; expected 0 to length_mm, {length}{}", unit(position, length)));
     }
@@ -36,8 +36,8 @@ fn fault(r: &Reading, length: f64, along: Along, with_errors: bool) -> Option<St
     }
     let slack = if error.is_nan() { 0.0 } else { 5.0 * error };
     let (reach, of, limit) = match along {
-        Along::Branch => (deflection.abs(), "than it is along the branch from the root", position),
-        Along::Axis => (deflection.hypot(position), "from the root than length_mm", length),
+        PositionReference::Branch => (deflection.abs(), "than it is along the branch from the root", position),
+        PositionReference::Axis => (deflection.hypot(position), "from the root than length_mm", length),
     };
     (reach > limit * (1.0 + SLACK) + slack + 1e-3 * length).then(|| {
         format!(
@@ -60,7 +60,7 @@ fn unit(position: f64, length: f64) -> &'static str {
 ///
 /// # Errors
 /// The first of the faults, where more than a quarter of the readings have one.
-pub fn usable(branch: &Branch, along: Along) -> Result<(Vec<Reading>, Vec<String>), String> {
+pub fn usable(branch: &MeasuredBranch, along: PositionReference) -> Result<(Vec<DeflectionMark>, Vec<String>), String> {
     let with_errors = branch.readings.iter().any(|r| !r.error.is_nan());
     let (mut good, mut faults) = (Vec::new(), Vec::new());
     for r in &branch.readings {
@@ -80,7 +80,7 @@ pub fn usable(branch: &Branch, along: Along) -> Result<(Vec<Reading>, Vec<String
 ///
 /// # Errors
 /// A length, load or modulus that is not positive, in words.
-pub fn check(branch: &Branch) -> Result<(), String> {
+pub fn check(branch: &MeasuredBranch) -> Result<(), String> {
     let length = branch.length;
     if !(length > 0.0 && length.is_finite()) {
         return Err(format!("length_mm is {length}; expected more than 0"));
@@ -97,11 +97,17 @@ pub fn check(branch: &Branch) -> Result<(), String> {
 }
 
 /// A number that no branch has: the output columns that it spoils, and why.
-pub type Impossible = (&'static [&'static str], String);
+pub type ImpossibleValue = (&'static [&'static str], String);
 
 /// What is impossible in a result.
-pub fn impossible(branch: &Branch, load: Load, taper: Known, over_stiffness: Known, radius: Known) -> Vec<Impossible> {
-    let mut out: Vec<Impossible> = Vec::new();
+pub fn impossible(
+    branch: &MeasuredBranch,
+    load: Load,
+    taper: BranchEstimate,
+    over_stiffness: BranchEstimate,
+    radius: BranchEstimate,
+) -> Vec<ImpossibleValue> {
+    let mut out: Vec<ImpossibleValue> = Vec::new();
     if taper.value - 2.0 * taper.error > 1.0 {
         let hang = if load == Load::Tip { "" } else { ", or does the load hang nearer to the tip (--load tip)" };
         out.push((
@@ -139,7 +145,7 @@ pub fn impossible(branch: &Branch, load: Load, taper: Known, over_stiffness: Kno
 }
 
 /// What is unusual in a measured branch without being wrong.
-pub fn unusual(branch: &Branch) -> Option<String> {
+pub fn unusual(branch: &MeasuredBranch) -> Option<String> {
     let modulus = branch.modulus[0];
     let odd = (SOLID[0]..=SOLID[1]).contains(&modulus) && !(WOOD[0]..=WOOD[1]).contains(&modulus);
     odd.then(|| format!("modulus_gpa is {modulus}, which no wood has ({} to {})", WOOD[0], WOOD[1]))

@@ -1,7 +1,7 @@
 //! Least squares of the elastica on the marks of one branch, under one kind of load.
 
-use super::measured::{Along, Reading};
-use mesophyll_base::solve::{Fit, Noise, Options, Problem, Termination, global, lm};
+use super::fit::{DeflectionMark, PositionReference};
+use mesophyll_base::solvers::{Fit, Options, Problem, ResidualNoise, Termination, lm, multi_start};
 use mesophyll_plants::mechanics::beam::{TAPER_MAX, TAPER_MIN};
 use mesophyll_plants::mechanics::elastica::Elastica;
 use mesophyll_plants::mechanics::load::Load;
@@ -21,13 +21,13 @@ pub const PRECISION: f64 = 1e-9;
 /// The marks of one branch and what they are compared with. Parameters are ln α and A = F/(E′r₁⁴) over the length, or A
 /// alone where the branch is held untapered.
 #[derive(Debug, Clone, Copy)]
-pub struct Marks<'a> {
+pub struct BranchFitMarks<'a> {
     /// The marks; none at the root.
-    pub readings: &'a [Reading],
+    pub readings: &'a [DeflectionMark],
     /// Length of the branch (mm).
     pub length: f64,
     /// What positions were measured along.
-    pub along: Along,
+    pub along: PositionReference,
     /// The kind of load, with its place as a share of the length.
     pub load: Load,
     /// Whether deflections have stated errors.
@@ -40,19 +40,19 @@ pub struct Marks<'a> {
 /// agree with the curve to its last digits (computed, not measured) have no minimum that a solver could settle in:
 /// where they differ, it is rounding. Beside the constant that does not matter.
 struct Rounded<'a> {
-    marks: &'a Marks<'a>,
+    marks: &'a BranchFitMarks<'a>,
     constant: f64,
 }
 
-impl Marks<'_> {
+impl BranchFitMarks<'_> {
     /// Standard error that a reading is divided by (mm).
-    pub fn scale(&self, r: &Reading) -> f64 {
+    pub fn scale(&self, r: &DeflectionMark) -> f64 {
         if self.stated { r.error } else { 1.0 }
     }
 
     /// Whether standard errors are stated.
-    pub fn noise(&self) -> Noise {
-        if self.stated { Noise::Known } else { Noise::Estimated }
+    pub fn noise(&self) -> ResidualNoise {
+        if self.stated { ResidualNoise::Known } else { ResidualNoise::Estimated }
     }
 
     fn taper(&self, params: &[f64]) -> f64 {
@@ -60,12 +60,12 @@ impl Marks<'_> {
     }
 
     /// Deflection of a mark (mm).
-    fn across(&self, bent: &Elastica, r: &Reading) -> f64 {
+    fn across(&self, bent: &Elastica, r: &DeflectionMark) -> f64 {
         let x = (r.position / self.length).min(1.0);
         self.length
             * match self.along {
-                Along::Branch => bent.at(x).across,
-                Along::Axis => bent.below(x).across,
+                PositionReference::Branch => bent.at(x).across,
+                PositionReference::Axis => bent.below(x).across,
             }
     }
 
@@ -120,7 +120,7 @@ impl Marks<'_> {
     pub fn fit(&self) -> Fit {
         let options = self.options();
         let start = self.start();
-        let fit = global::minimize_scales(self, &start, &options);
+        let fit = multi_start::minimize_scales(self, &start, &options);
         if fit.converged() {
             return fit;
         }
@@ -128,14 +128,14 @@ impl Marks<'_> {
         let others = OTHER_STARTS.iter().map(|(alpha, share)| {
             let amplitude = share * start[start.len() - 1];
             let start = if self.untapered { vec![amplitude] } else { vec![f64::ln(*alpha), amplitude] };
-            global::minimize_scales(self, &start, &options)
+            multi_start::minimize_scales(self, &start, &options)
         });
         if let Some(fit) = others.filter(Fit::converged).min_by(|a, b| a.cost.total_cmp(&b.cost)) {
             return fit;
         }
         let smallest = self.readings.iter().map(|r| self.scale(r)).fold(f64::INFINITY, f64::min);
         let constant = PRECISION * self.length / smallest * (self.readings.len() as f64).sqrt();
-        let mut fit = global::minimize_scales(&Rounded { marks: self, constant }, &start, &options);
+        let mut fit = multi_start::minimize_scales(&Rounded { marks: self, constant }, &start, &options);
         fit.residuals.truncate(self.readings.len());
         let chi2: f64 = fit.residuals.iter().map(|r| r * r).sum();
         fit.cost = 0.5 * chi2;
@@ -173,7 +173,7 @@ impl Marks<'_> {
     }
 }
 
-impl Problem for Marks<'_> {
+impl Problem for BranchFitMarks<'_> {
     fn parameters(&self) -> usize {
         if self.untapered { 1 } else { 2 }
     }

@@ -15,9 +15,9 @@
 //!
 //! A cell that cannot be read costs its own reading; the rest of the branch is fitted.
 
-use super::measured::{Along, Branch, Measured, Reading, fit};
+use super::fit::{BranchFit, DeflectionMark, MeasuredBranch, PositionReference, fit};
 use crate::branch::{Error, Result};
-use mesophyll_files::table::{Record, Sink, Status, Table, Tally, push_number, push_text};
+use mesophyll_files::table::{InputTable, RowTally, Status, TableRecord, TableSink, push_number, push_text};
 use mesophyll_plants::mechanics::load::Load;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -46,11 +46,11 @@ const NOT_NEGATIVE: [f64; 2] = [0.0, f64::INFINITY];
 
 /// A branch as it was read.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Named {
+pub struct NamedBranch {
     /// Its name in the table.
     pub name: String,
     /// What was measured, or the reason why it cannot be used.
-    pub branch: std::result::Result<Branch, String>,
+    pub branch: std::result::Result<MeasuredBranch, String>,
     /// Rows that could not be read, by line, and why.
     pub unread: Vec<String>,
 }
@@ -61,21 +61,22 @@ pub struct Named {
 /// # Errors
 /// A missing column or an unreadable file. A reading that cannot be read is left out, by line; rows of one branch that
 /// contradict each other refuse it.
-pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
+pub fn read(mut table: InputTable, noise: Option<f64>) -> Result<Vec<NamedBranch>> {
     let columns = REQUIRED.iter().map(|c| table.require(c)).collect::<Result<Vec<_>>>()?;
     let optional: Vec<Option<usize>> = OPTIONAL.iter().map(|c| table.column(c)).collect();
-    let mut branches: Vec<Named> = Vec::new();
+    let mut branches: Vec<NamedBranch> = Vec::new();
     let mut places: HashMap<String, usize> = HashMap::new();
-    let mut row = Record::default();
+    let mut row = TableRecord::default();
     while table.next_record(&mut row)? {
         let line = row.line();
         let name = row.shown(columns[0]).into_owned();
         let at = *places.entry(name.clone()).or_insert_with(|| {
-            let empty = Branch { length: f64::NAN, readings: Vec::new(), load: [f64::NAN; 2], modulus: [f64::NAN; 2] };
-            branches.push(Named { name, branch: Ok(empty), unread: Vec::new() });
+            let empty =
+                MeasuredBranch { length: f64::NAN, readings: Vec::new(), load: [f64::NAN; 2], modulus: [f64::NAN; 2] };
+            branches.push(NamedBranch { name, branch: Ok(empty), unread: Vec::new() });
             branches.len() - 1
         });
-        let Named { branch, unread, .. } = &mut branches[at];
+        let NamedBranch { branch, unread, .. } = &mut branches[at];
         let mut faults: Vec<String> = row.fault(table.header.len()).into_iter().collect();
         let mut number = |column: Option<usize>, range: [f64; 2]| {
             let found = column.map_or(Ok(None), |column| table.number_in(&row, column, range));
@@ -94,7 +95,7 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
             (Some(position), Some(deflection)) if !broken => {
                 if let Ok(known) = branch {
                     let length = length.unwrap_or(f64::NAN);
-                    let reading = Reading { position, deflection, error };
+                    let reading = DeflectionMark { position, deflection, error };
                     if let Err(why) = add(known, line, length, reading, [load, load_err], [modulus, modulus_err]) {
                         *branch = Err(why);
                     }
@@ -113,10 +114,10 @@ pub fn read(mut table: Table, noise: Option<f64>) -> Result<Vec<Named>> {
 
 /// Adds a row. What belongs to the branch as a whole must be the same in all its rows; empty cells are ignored.
 fn add(
-    branch: &mut Branch,
+    branch: &mut MeasuredBranch,
     line: usize,
     length: f64,
-    reading: Reading,
+    reading: DeflectionMark,
     load: [f64; 2],
     modulus: [f64; 2],
 ) -> std::result::Result<(), String> {
@@ -138,8 +139,12 @@ fn add(
 }
 
 /// Fits every branch under `load`; `None`: an even load, compared with others ([`super::evidence`]).
-pub fn fit_all(branches: &[Named], along: Along, load: Option<Load>) -> Vec<std::result::Result<Measured, String>> {
-    let one = |named: &Named| match &named.branch {
+pub fn fit_all(
+    branches: &[NamedBranch],
+    along: PositionReference,
+    load: Option<Load>,
+) -> Vec<std::result::Result<BranchFit, String>> {
+    let one = |named: &NamedBranch| match &named.branch {
         Err(why) => Err(why.clone()),
         Ok(branch) if branch.readings.is_empty() && !named.unread.is_empty() => {
             Err(format!("no readings; left out: {}", named.unread[0]))
@@ -153,7 +158,11 @@ pub fn fit_all(branches: &[Named], along: Along, load: Option<Load>) -> Vec<std:
 }
 
 /// What is said beside the rows: which load the numbers are for, what was left out, what is unusual.
-pub fn notes(branches: &[Named], fits: &[std::result::Result<Measured, String>], load: Option<Load>) -> Vec<String> {
+pub fn notes(
+    branches: &[NamedBranch],
+    fits: &[std::result::Result<BranchFit, String>],
+    load: Option<Load>,
+) -> Vec<String> {
     let found = || branches.iter().zip(fits).filter_map(|(b, f)| f.as_ref().ok().map(|f| (&b.name, f)));
     let mut notes = vec![match load {
         Some(load) => format!("the load is taken as {}, as stated", load.words()),
@@ -191,10 +200,14 @@ pub fn notes(branches: &[Named], fits: &[std::result::Result<Measured, String>],
 ///
 /// # Errors
 /// [`Error::Write`] where the output cannot be written.
-pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>], mut sink: Sink) -> Result<Tally> {
+pub fn write(
+    branches: &[NamedBranch],
+    fits: &[std::result::Result<BranchFit, String>],
+    mut sink: TableSink,
+) -> Result<RowTally> {
     let mut bytes = format!("branch,{},status\n", OUTPUTS.join(",")).into_bytes();
-    let mut tally = Tally::new(&OUTPUTS);
-    for (Named { name, .. }, result) in branches.iter().zip(fits) {
+    let mut tally = RowTally::new(&OUTPUTS);
+    for (NamedBranch { name, .. }, result) in branches.iter().zip(fits) {
         push_text(&mut bytes, name);
         let (values, status) = match result {
             Ok(m) => (row(m), m.status.clone()),
@@ -214,7 +227,7 @@ pub fn write(branches: &[Named], fits: &[std::result::Result<Measured, String>],
     Ok(tally)
 }
 
-fn row(m: &Measured) -> Vec<f64> {
+fn row(m: &BranchFit) -> Vec<f64> {
     let all = [m.taper, m.load_over_stiffness, m.root_radius, m.tip];
     // An error without a value is an empty cell, not an infinite one.
     let errors = all.iter().map(|k| if k.value.is_nan() { f64::NAN } else { k.error });

@@ -11,8 +11,8 @@
 //! MacKay, Neural Computation 4 (1992), 415–447). The place of a single load is open too, so its probability is the
 //! mean over places.
 
-use super::curve::{Marks, PRECISION};
-use super::measured::{Along, Known, Reading};
+use super::curve::{BranchFitMarks, PRECISION};
+use super::fit::{BranchEstimate, DeflectionMark, PositionReference};
 use mesophyll_plants::mechanics::load::Load;
 
 /// Places of a single load that are tried, as shares of the length.
@@ -32,18 +32,18 @@ const POSSIBLE: f64 = 0.1;
 
 /// What the readings say of a load that was not assumed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Other {
+pub struct AlternativeLoad {
     /// The load.
     pub load: Load,
     /// The taper that it gives; 1 without an error where the readings need none.
-    pub taper: Known,
+    pub taper: BranchEstimate,
     /// χ² of that fit.
     pub chi2: f64,
     /// How many times as probable it is as the load that was assumed.
     pub odds: f64,
 }
 
-impl Other {
+impl AlternativeLoad {
     /// Whether it speaks against the load that was assumed.
     pub fn stronger(&self) -> bool {
         self.odds > SUBSTANTIAL
@@ -69,17 +69,22 @@ impl Other {
 /// One load's fits, with the taper free and held at 1.
 struct Weighed {
     load: Load,
-    taper: Known,
+    taper: BranchEstimate,
     chi2: f64,
     rod: f64,
 }
 
 /// The other load that the readings speak for most, where it is worth a word: about as probable as an even load, and
 /// with a taper that differs by more than its error. `stated`: whether deflections have errors.
-pub fn against_even(readings: &[Reading], length: f64, along: Along, stated: bool) -> Option<Other> {
-    let marks = Marks { readings, length, along, load: Load::Even, stated, untapered: false };
+pub fn against_even(
+    readings: &[DeflectionMark],
+    length: f64,
+    along: PositionReference,
+    stated: bool,
+) -> Option<AlternativeLoad> {
+    let marks = BranchFitMarks { readings, length, along, load: Load::Even, stated, untapered: false };
     let weigh = |load: Load| -> Option<Weighed> {
-        let free = Marks { load, ..marks }.glance();
+        let free = BranchFitMarks { load, ..marks }.glance();
         if !free.converged() {
             return None;
         }
@@ -87,9 +92,10 @@ pub fn against_even(readings: &[Reading], length: f64, along: Along, stated: boo
         let error = taper * free.uncertainty.stderr.first()?;
         // Where 1 is far from the taper that fits, so is the fit with it.
         let far = (taper - 1.0).abs() > FAR * error;
-        let rod = if far { f64::INFINITY } else { 2.0 * Marks { load, untapered: true, ..marks }.glance().cost };
+        let rod =
+            if far { f64::INFINITY } else { 2.0 * BranchFitMarks { load, untapered: true, ..marks }.glance().cost };
         let rod = if rod.is_nan() { f64::INFINITY } else { rod };
-        Some(Weighed { load, taper: Known { value: taper, error }, chi2: 2.0 * free.cost, rod })
+        Some(Weighed { load, taper: BranchEstimate { value: taper, error }, chi2: 2.0 * free.cost, rod })
     };
     let even = weigh(Load::Even)?;
     let single = [Load::Tip, Load::OwnWeight].map(|load| weigh(load).into_iter().collect::<Vec<_>>());
@@ -119,12 +125,12 @@ pub fn against_even(readings: &[Reading], length: f64, along: Along, stated: boo
     if !reference.is_finite() || reference <= f64::MIN {
         return None;
     }
-    let other = |group: &[Weighed]| -> Option<Other> {
+    let other = |group: &[Weighed]| -> Option<AlternativeLoad> {
         let best = group.iter().max_by(|a, b| total(a).total_cmp(&total(b)))?;
         let odds = group.iter().map(|w| (total(w) - reference).exp()).sum::<f64>() / group.len() as f64;
         let [tapered, rod] = parts(best);
-        let taper = if rod > tapered { Known { value: 1.0, error: 0.0 } } else { best.taper };
-        Some(Other { load: best.load, taper, chi2: if rod > tapered { best.rod } else { best.chi2 }, odds })
+        let taper = if rod > tapered { BranchEstimate { value: 1.0, error: 0.0 } } else { best.taper };
+        Some(AlternativeLoad { load: best.load, taper, chi2: if rod > tapered { best.rod } else { best.chi2 }, odds })
     };
     let groups = single.iter().chain([&placed]);
     let best = groups.filter_map(|g| other(g)).max_by(|a, b| a.odds.total_cmp(&b.odds))?;

@@ -5,52 +5,52 @@ pub mod bounds;
 pub mod curve;
 pub mod deflections;
 pub mod evidence;
-pub mod measured;
+pub mod fit;
 pub mod record;
 pub mod synthetic;
 #[cfg(test)]
 mod tests;
 
-use mesophyll_files::table::Answer;
+use mesophyll_files::table::OutputRow;
 use mesophyll_plants::mechanics::beam::{self, TAPER_MAX, TAPER_MIN};
 
 /// `eval beam`: `alpha,x` → `u,du`, for F/(E′r₁⁴) = 1 and unit length.
-pub fn evaluate(alpha: f64, x: f64) -> Answer {
+pub fn evaluate(alpha: f64, x: f64) -> OutputRow {
     if !(alpha > 0.0 && alpha <= TAPER_MAX) {
-        return Answer::refused(format!(
+        return OutputRow::refused(format!(
             "alpha is {alpha}; expected more than 0 and at most {TAPER_MAX} (tip radius over root radius)"
         ));
     }
     if !(0.0..=1.0).contains(&x) {
-        return Answer::refused(format!("x is {x}; expected 0 (root) to 1 (tip)"));
+        return OutputRow::refused(format!("x is {x}; expected 0 (root) to 1 (tip)"));
     }
     let (u, du) = (beam::deflection(alpha, x), beam::slope(alpha, x));
     if !(u.is_finite() && du.is_finite()) {
-        return Answer::refused(format!(
+        return OutputRow::refused(format!(
             "alpha is {alpha}: the deflection of so thin a tip is beyond double precision"
         ));
     }
-    Answer::ok(vec![u, du])
+    OutputRow::ok(vec![u, du])
 }
 
 /// Output columns of [`coefficients`].
 pub const OUTPUTS: [&str; 8] = ["c2", "c4", "max_error", "a2", "a3", "a4", "a5", "a_max_error"];
 
 /// `fit beam`: `alpha` → H9's pair and its largest error, then four coefficients of the taper coordinate and theirs.
-pub fn coefficients(alpha: f64, samples: usize) -> Answer {
+pub fn coefficients(alpha: f64, samples: usize) -> OutputRow {
     if !(TAPER_MIN..=TAPER_MAX).contains(&alpha) {
-        return Answer::refused(format!(
+        return OutputRow::refused(format!(
             "alpha is {alpha}; expected {TAPER_MIN} to {TAPER_MAX} (tip radius over root radius)"
         ));
     }
     let pair = basis::pair(alpha, samples);
     if !pair.fit.converged() || !pair.c2.is_finite() {
-        return Answer::refused(format!("{samples} samples do not determine two coefficients"));
+        return OutputRow::refused(format!("{samples} samples do not determine two coefficients"));
     }
     let shape = basis::shape(alpha);
     let error = basis::worst(alpha, |x| shape.at(x).0);
     let [a2, a3, a4, a5] = shape.a;
-    Answer::ok(vec![pair.c2, pair.c4, pair.max_error, a2, a3, a4, a5, error])
+    OutputRow::ok(vec![pair.c2, pair.c4, pair.max_error, a2, a3, a4, a5, error])
 }
 
 #[cfg(test)]

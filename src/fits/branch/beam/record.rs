@@ -1,13 +1,13 @@
 //! The files that a fit of branches writes: `fit.toml` and `times.toml`.
 
 use super::basis::{DEGREE, smooth, smooth_fit};
-use super::deflections::{self, Named};
-use super::measured::{Along, Known, Measured, termination};
+use super::deflections::{self, NamedBranch};
+use super::fit::{BranchEstimate, BranchFit, PositionReference, termination};
 use crate::branch::{Error, Result};
 use crate::record::maker;
-use crate::record::{FitKind, FitRecord, Param, Residuals, Section};
-use mesophyll_base::solve::Termination;
-use mesophyll_files::table::Table;
+use crate::record::{FitKind, FitParameter, FitRecord, RecordSection, ResidualStatistics};
+use mesophyll_base::solvers::Termination;
+use mesophyll_files::table::InputTable;
 use mesophyll_plants::mechanics::beam::{TAPER_MAX, TAPER_MIN};
 use mesophyll_plants::mechanics::load::Load;
 use mesophyll_plants::mechanics::taper::TERMS;
@@ -19,12 +19,15 @@ use std::time::Instant;
 pub fn of_basis() -> FitRecord {
     let (series, fit) = smooth();
     let f = &fit.fit;
-    let mut section =
-        Section { condition: Some(f.uncertainty.condition), rank: Some(f.uncertainty.rank), ..Section::default() };
+    let mut section = RecordSection {
+        condition: Some(f.uncertainty.condition),
+        rank: Some(f.uncertainty.rank),
+        ..RecordSection::default()
+    };
     for (k, row) in series.series.iter().enumerate() {
         // Nothing was measured, so standard errors of these numbers have no meaning. The figures below say how good
         // they are.
-        let param = Param { value: row.clone(), stderr: vec![f64::NAN; row.len()], ..Param::default() };
+        let param = FitParameter { value: row.clone(), stderr: vec![f64::NAN; row.len()], ..FitParameter::default() };
         section.params.insert(format!("a{}", k + 2), param);
     }
     section.terminations.insert(f.termination.name().into(), 1);
@@ -53,9 +56,9 @@ pub fn of_basis() -> FitRecord {
 
 /// Measured branches, with one section for each. `load`: the stated one.
 pub fn of_branches(
-    branches: &[Named],
-    fits: &[std::result::Result<Measured, String>],
-    along: Along,
+    branches: &[NamedBranch],
+    fits: &[std::result::Result<BranchFit, String>],
+    along: PositionReference,
     load: Option<Load>,
     input_hash: String,
 ) -> FitRecord {
@@ -64,7 +67,7 @@ pub fn of_branches(
     record.termination = fits.iter().map(termination).find(|t| t.converged()).or(Some(Termination::Refused));
     record.options.insert(
         "positions".into(),
-        if along == Along::Branch { "along the branch" } else { "along the straight axis" }.into(),
+        if along == PositionReference::Branch { "along the branch" } else { "along the straight axis" }.into(),
     );
     let stated = if load.is_some() { "stated" } else { "assumed" };
     record.options.insert("load".into(), format!("{}, {stated}", load.unwrap_or_default().words()));
@@ -73,8 +76,8 @@ pub fn of_branches(
         "not told apart".into(),
         "load, modulus and root radius enter only as F/(E' r1^4); the radius needs the other two given".into(),
     );
-    for (Named { name, unread, .. }, fit) in branches.iter().zip(fits) {
-        let mut section = Section::default();
+    for (NamedBranch { name, unread, .. }, fit) in branches.iter().zip(fits) {
+        let mut section = RecordSection::default();
         section.terminations.insert(termination(fit).name().into(), 1);
         match fit {
             Ok(m) => {
@@ -97,14 +100,20 @@ pub fn of_branches(
     record
 }
 
-fn describe(section: &mut Section, m: &Measured) {
+fn describe(section: &mut RecordSection, m: &BranchFit) {
     let u = &m.fit.uncertainty;
-    let mut add = |name: &str, k: Known, unit: &str| {
+    let mut add = |name: &str, k: BranchEstimate, unit: &str| {
         let unknown = !(k.error <= 0.1 * k.value.abs());
         let undetermined = if unknown { vec![format!("{name}: {}", m.status)] } else { Vec::new() };
         section.params.insert(
             name.into(),
-            Param { value: vec![k.value], stderr: vec![k.error], unit: unit.into(), undetermined, ..Param::default() },
+            FitParameter {
+                value: vec![k.value],
+                stderr: vec![k.error],
+                unit: unit.into(),
+                undetermined,
+                ..FitParameter::default()
+            },
         );
     };
     add("alpha", m.taper, "");
@@ -118,7 +127,7 @@ fn describe(section: &mut Section, m: &Measured) {
     let largest = m.fit.residuals.iter().fold(0.0f64, |a, r| a.max(r.abs()));
     section.residuals.insert(
         "deflection".into(),
-        Residuals {
+        ResidualStatistics {
             samples: m.fit.residuals.len(),
             chi2: u.chi2,
             reduced_chi2: u.reduced_chi2,
@@ -149,13 +158,13 @@ pub fn basis_to(out: &Path) -> Result<(FitRecord, f64)> {
 }
 
 /// Branches and what was found of each, in their order.
-pub type Found = (Vec<Named>, Vec<std::result::Result<Measured, String>>);
+pub type BranchFitResults = (Vec<NamedBranch>, Vec<std::result::Result<BranchFit, String>>);
 
 /// What is said of a table of marks.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Asked {
+pub struct BranchFitRequest {
     /// What positions were measured along.
-    pub along: Along,
+    pub along: PositionReference,
     /// The load; `None`: taken as even, and compared with others.
     pub load: Option<Load>,
 }
@@ -165,11 +174,16 @@ pub struct Asked {
 ///
 /// # Errors
 /// A table that cannot be read or that has no rows; a folder that cannot be written or that holds something else.
-pub fn branches_to(marks: &Path, out: Option<&Path>, noise: Option<f64>, asked: Asked) -> Result<Found> {
-    let Asked { along, load } = asked;
+pub fn branches_to(
+    marks: &Path,
+    out: Option<&Path>,
+    noise: Option<f64>,
+    asked: BranchFitRequest,
+) -> Result<BranchFitResults> {
+    let BranchFitRequest { along, load } = asked;
     let path = marks.to_path_buf();
-    let fit = move || -> Result<Found> {
-        let branches = deflections::read(Table::open(&path)?, noise)?;
+    let fit = move || -> Result<BranchFitResults> {
+        let branches = deflections::read(InputTable::open(&path)?, noise)?;
         if branches.is_empty() {
             return Err(Error::input(&path, "no rows; expected at least one mark"));
         }
@@ -185,7 +199,7 @@ pub fn branches_to(marks: &Path, out: Option<&Path>, noise: Option<f64>, asked: 
             ("load", load.map_or("assumed even".into(), |load| load.to_string())),
         ];
         let input = maker::input_hash(told.iter().map(|(name, text)| (*name, text.as_str())));
-        for (Named { name, .. }, fit) in branches.iter().zip(&fits) {
+        for (NamedBranch { name, .. }, fit) in branches.iter().zip(&fits) {
             if let Ok(fit) = fit {
                 maker.times.traces.insert(name.clone(), fit.fit.trace.clone());
             }

@@ -1,15 +1,15 @@
 //! Synthetic measurements of branches with seeded noise, for tests and the tables of stress and bench.
 
-use super::measured::{Along, Branch, Reading};
+use super::fit::{DeflectionMark, MeasuredBranch, PositionReference};
 use mesophyll_plants::mechanics::elastica::Elastica;
-use mesophyll_plants::mechanics::length::Bent;
+use mesophyll_plants::mechanics::length::AxisPoint;
 use mesophyll_plants::mechanics::load::Load;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// The true branch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Truth {
+pub struct BranchFitTruth {
     /// Taper α: radius at the tip over radius at the root.
     pub alpha: f64,
     /// Deflection that the tip of a linear beam would have under this load, over the length. The branch itself moves
@@ -25,13 +25,13 @@ pub struct Truth {
     pub modulus: f64,
 }
 
-impl Default for Truth {
+impl Default for BranchFitTruth {
     fn default() -> Self {
-        Truth { alpha: 0.3, tip: 0.3, length: 800.0, load: 4.0, kind: Load::Even, modulus: 8.0 }
+        BranchFitTruth { alpha: 0.3, tip: 0.3, length: 800.0, load: 4.0, kind: Load::Even, modulus: 8.0 }
     }
 }
 
-impl Truth {
+impl BranchFitTruth {
     /// F/(E′r₁⁴), the load over the stiffness of the root, divided by the length.
     pub fn amplitude(&self) -> f64 {
         self.tip / (self.bent(1e-7, 1.0).across / 1e-7)
@@ -45,8 +45,9 @@ impl Truth {
         (self.load * self.length.powi(3) / (self.modulus * 1e3 * self.load_over_stiffness())).powf(0.25)
     }
     /// The point at the share `t` of the branch, for an amplitude; NaN where there is no such branch.
-    fn bent(&self, amplitude: f64, t: f64) -> Bent<f64> {
-        let nowhere = Bent { along: f64::NAN, across: f64::NAN, cos: f64::NAN, sin: f64::NAN, curvature: f64::NAN };
+    fn bent(&self, amplitude: f64, t: f64) -> AxisPoint<f64> {
+        let nowhere =
+            AxisPoint { along: f64::NAN, across: f64::NAN, cos: f64::NAN, sin: f64::NAN, curvature: f64::NAN };
         Elastica::solve(self.kind, self.alpha, amplitude).map_or(nowhere, |bent| bent.at(t))
     }
     /// Where the mark at the share `t` of the branch is (mm): along the straight axis, and across.
@@ -62,7 +63,7 @@ impl Truth {
 
 /// A branch with `marks` evenly spaced marks up to the tip, without one at the root. The readings have Gaussian noise
 /// of `noise` times the tip's deflection, which is stated.
-pub fn branch(truth: &Truth, marks: usize, noise: f64, seed: u64, along: Along) -> Branch {
+pub fn branch(truth: &BranchFitTruth, marks: usize, noise: f64, seed: u64, along: PositionReference) -> MeasuredBranch {
     let mut rng = Pcg64::seed_from_u64(seed);
     let error = (noise * truth.tip_mm().abs()).max(1e-12 * truth.length);
     let readings = (1..=marks)
@@ -71,9 +72,9 @@ pub fn branch(truth: &Truth, marks: usize, noise: f64, seed: u64, along: Along) 
             let (a, b): (f64, f64) = (rng.random(), rng.random());
             let normal = (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos();
             let [x, across] = truth.place(t);
-            let position = if along == Along::Branch { t * truth.length } else { x };
-            Reading { position, deflection: across + error * normal, error }
+            let position = if along == PositionReference::Branch { t * truth.length } else { x };
+            DeflectionMark { position, deflection: across + error * normal, error }
         })
         .collect();
-    Branch { length: truth.length, readings, load: [truth.load, 0.0], modulus: [truth.modulus, 0.0] }
+    MeasuredBranch { length: truth.length, readings, load: [truth.load, 0.0], modulus: [truth.modulus, 0.0] }
 }

@@ -1,5 +1,5 @@
-use super::measured::{Along, Branch, Known, Measured, fit};
-use super::synthetic::{Truth, branch};
+use super::fit::{BranchEstimate, BranchFit, MeasuredBranch, PositionReference, fit};
+use super::synthetic::{BranchFitTruth, branch};
 use mesophyll_files::table::Status;
 use mesophyll_plants::mechanics::load::Load;
 use rayon::prelude::*;
@@ -18,12 +18,12 @@ fn exact_readings_give_the_truth_back() {
         (Load::OwnWeight, 0.4, 0.9),
         (Load::Share(0.7), 0.6, 0.5),
     ] {
-        for along in [Along::Branch, Along::Axis] {
+        for along in [PositionReference::Branch, PositionReference::Axis] {
             // Where the tip hangs, a plumb line says nothing of it.
-            if along == Along::Axis && alpha < 0.01 {
+            if along == PositionReference::Axis && alpha < 0.01 {
                 continue;
             }
-            let truth = Truth { alpha, tip, kind, ..Truth::default() };
+            let truth = BranchFitTruth { alpha, tip, kind, ..BranchFitTruth::default() };
             let b = branch(&truth, 20, 1e-8, 1, along);
             let m = fit(&b, along, Some(kind)).unwrap();
             let far = |got: f64, want: f64| (got / want - 1.0).abs();
@@ -42,23 +42,24 @@ fn exact_readings_give_the_truth_back() {
 fn intervals_cover() {
     // The quantile is normal where the noise is stated. Where it comes from the residuals, it is Student's with the 14
     // degrees of freedom that 16 marks leave.
-    for (stated, along, quantile) in [(true, Along::Branch, 1.96), (false, Along::Axis, 2.145)] {
+    for (stated, along, quantile) in [(true, PositionReference::Branch, 1.96), (false, PositionReference::Axis, 2.145)]
+    {
         let draws: Vec<[bool; 3]> = (0..300u64)
             .into_par_iter()
             .map(|seed| {
                 // Tapers from .12 to .95, and tips that move by .02 to .6 of the length.
                 let part = |step: f64| (seed as f64 * step).fract();
-                let truth = Truth {
+                let truth = BranchFitTruth {
                     alpha: 0.12 * 8.0f64.powf(part(0.618_034)),
                     tip: 0.02 * 45.0f64.powf(part(0.754_878)),
-                    ..Truth::default()
+                    ..BranchFitTruth::default()
                 };
                 let mut b = branch(&truth, 16, 0.004, 100 + seed, along);
                 if !stated {
                     b.readings.iter_mut().for_each(|r| r.error = f64::NAN);
                 }
                 let m = fit(&b, along, EVEN).unwrap();
-                let inside = |k: Known, want: f64| (k.value - want).abs() <= quantile * k.error;
+                let inside = |k: BranchEstimate, want: f64| (k.value - want).abs() <= quantile * k.error;
                 [
                     inside(m.taper, truth.alpha),
                     inside(m.load_over_stiffness, truth.load_over_stiffness()),
@@ -78,9 +79,9 @@ fn intervals_cover() {
 #[test]
 fn a_branch_that_hangs_is_found() {
     for (alpha, tip) in [(0.2, 1.5), (0.7, 3.0)] {
-        let truth = Truth { alpha, tip, ..Truth::default() };
-        let b = branch(&truth, 20, 0.001, 4, Along::Branch);
-        let m = fit(&b, Along::Branch, EVEN).unwrap();
+        let truth = BranchFitTruth { alpha, tip, ..BranchFitTruth::default() };
+        let b = branch(&truth, 20, 0.001, 4, PositionReference::Branch);
+        let m = fit(&b, PositionReference::Branch, EVEN).unwrap();
         println!("tip at {:.2} of the length: {:?}", truth.tip_mm() / truth.length, m.taper);
         assert!((m.taper.value - alpha).abs() < 3.0 * m.taper.error && m.status == Status::Ok, "{m:?}");
     }
@@ -88,16 +89,16 @@ fn a_branch_that_hangs_is_found() {
 
 #[test]
 fn what_cannot_be_told_apart_is_named() {
-    let truth = Truth::default();
-    let mut b = branch(&truth, 20, 1e-3, 3, Along::Branch);
-    let known = fit(&b, Along::Branch, EVEN).unwrap();
+    let truth = BranchFitTruth::default();
+    let mut b = branch(&truth, 20, 1e-3, 3, PositionReference::Branch);
+    let known = fit(&b, PositionReference::Branch, EVEN).unwrap();
     assert_eq!(known.status, Status::Ok);
     // A tenth of error of the modulus makes a fortieth of error of the radius.
     b.modulus[1] = 0.1 * b.modulus[0];
-    let m = fit(&b, Along::Branch, EVEN).unwrap();
+    let m = fit(&b, PositionReference::Branch, EVEN).unwrap();
     assert!((m.root_radius.error / m.root_radius.value - 0.025).abs() < 2e-3, "{:?}", m.root_radius);
     b.modulus = [f64::NAN; 2];
-    let m = fit(&b, Along::Branch, EVEN).unwrap();
+    let m = fit(&b, PositionReference::Branch, EVEN).unwrap();
     assert!(m.root_radius.value.is_nan() && m.root_radius.error.is_infinite());
     assert!(
         m.status.to_string().starts_with("undetermined: root_radius_mm (load, modulus and root radius"),
@@ -109,15 +110,15 @@ fn what_cannot_be_told_apart_is_named() {
 
 #[test]
 fn a_bad_reading_costs_itself_and_bad_branches_are_refused_by_name() {
-    let good = branch(&Truth::default(), 12, 0.01, 5, Along::Branch);
-    let spoiled = |spoil: &dyn Fn(&mut Branch)| {
+    let good = branch(&BranchFitTruth::default(), 12, 0.01, 5, PositionReference::Branch);
+    let spoiled = |spoil: &dyn Fn(&mut MeasuredBranch)| {
         let mut b = good.clone();
         spoil(&mut b);
-        fit(&b, Along::Branch, EVEN)
+        fit(&b, PositionReference::Branch, EVEN)
     };
-    let whole = fit(&good, Along::Branch, EVEN).unwrap();
+    let whole = fit(&good, PositionReference::Branch, EVEN).unwrap();
     for (word, spoil) in [
-        ("position_mm", (|b| b.readings[2].position = 1e6) as fn(&mut Branch)),
+        ("position_mm", (|b| b.readings[2].position = 1e6) as fn(&mut MeasuredBranch)),
         ("deflection_err_mm", |b| b.readings[2].error = 0.0),
         ("deflection_err_mm is missing", |b| b.readings[2].error = f64::NAN),
         ("no mark moves further", |b| b.readings[2].deflection *= 100.0),
@@ -127,7 +128,7 @@ fn a_bad_reading_costs_itself_and_bad_branches_are_refused_by_name() {
         assert!(m.status == Status::Ok && m.fit.residuals.len() == 11, "{word}: {}", m.status);
         assert!((m.taper.value - whole.taper.value).abs() < m.taper.error);
     }
-    let why = |spoil: &dyn Fn(&mut Branch)| spoiled(spoil).unwrap_err();
+    let why = |spoil: &dyn Fn(&mut MeasuredBranch)| spoiled(spoil).unwrap_err();
     assert!(why(&|b| b.length = 0.0).contains("length_mm"));
     assert!(why(&|b| b.length *= 1e-3).contains("is the length in m?"));
     assert!(why(&|b| b.readings.iter_mut().for_each(|r| r.position *= 0.1)).contains("all in mm?"));
@@ -139,11 +140,12 @@ fn a_bad_reading_costs_itself_and_bad_branches_are_refused_by_name() {
 /// What no branch has is never `ok`, and the sentence guesses at the cause.
 #[test]
 fn what_no_branch_has_is_not_ok() {
-    let good = branch(&Truth { alpha: 0.5, ..Truth::default() }, 16, 0.003, 8, Along::Branch);
-    let said = |load: Load, spoil: &dyn Fn(&mut Branch)| {
+    let good =
+        branch(&BranchFitTruth { alpha: 0.5, ..BranchFitTruth::default() }, 16, 0.003, 8, PositionReference::Branch);
+    let said = |load: Load, spoil: &dyn Fn(&mut MeasuredBranch)| {
         let mut b = good.clone();
         spoil(&mut b);
-        fit(&b, Along::Branch, Some(load)).unwrap().status.to_string()
+        fit(&b, PositionReference::Branch, Some(load)).unwrap().status.to_string()
     };
     assert_eq!(said(Load::Even, &|_| {}), "ok");
     // A modulus in N/mm², deflections as heights, a load in kN.
@@ -154,8 +156,14 @@ fn what_no_branch_has_is_not_ok() {
     let thick = said(Load::Even, &|b| b.load[0] *= 1e6);
     assert!(thick.contains("root_radius_mm (a root radius") && thick.contains("load_n in N"), "{thick}");
     // A rod with a load at its tip, taken for one that hangs half way, would have to be thicker at its tip.
-    let rod = branch(&Truth { alpha: 1.0, kind: Load::Even, ..Truth::default() }, 16, 0.001, 9, Along::Branch);
-    let thicker = fit(&rod, Along::Branch, Some(Load::Tip)).unwrap().status;
+    let rod = branch(
+        &BranchFitTruth { alpha: 1.0, kind: Load::Even, ..BranchFitTruth::default() },
+        16,
+        0.001,
+        9,
+        PositionReference::Branch,
+    );
+    let thicker = fit(&rod, PositionReference::Branch, Some(Load::Tip)).unwrap().status;
     assert!(thicker != Status::Ok && thicker.leaves_open("alpha"), "{thicker}");
 }
 
@@ -163,14 +171,17 @@ fn what_no_branch_has_is_not_ok() {
 /// can be stated; where it is not, the fit does not promise a taper.
 #[test]
 fn a_load_of_another_kind_is_noticed_or_stated() {
-    let truth = Truth { alpha: 1.0, tip: 0.05, kind: Load::Tip, ..Truth::default() };
-    let fits: Vec<(Measured, Measured)> = (0..12)
+    let truth = BranchFitTruth { alpha: 1.0, tip: 0.05, kind: Load::Tip, ..BranchFitTruth::default() };
+    let fits: Vec<(BranchFit, BranchFit)> = (0..12)
         .map(|seed| {
-            let b = branch(&truth, 12, 0.005, seed, Along::Branch);
-            (fit(&b, Along::Branch, None).unwrap(), fit(&b, Along::Branch, Some(Load::Tip)).unwrap())
+            let b = branch(&truth, 12, 0.005, seed, PositionReference::Branch);
+            (
+                fit(&b, PositionReference::Branch, None).unwrap(),
+                fit(&b, PositionReference::Branch, Some(Load::Tip)).unwrap(),
+            )
         })
         .collect();
-    let open = |m: &Measured| m.status.leaves_open("alpha");
+    let open = |m: &BranchFit| m.status.leaves_open("alpha");
     let noticed = fits.iter().filter(|(assumed, _)| open(assumed) && !assumed.status.leaves_open("tip_mm")).count();
     let named = fits.iter().filter(|(a, _)| a.other.as_ref().is_some_and(|o| o.load == Load::Tip)).count();
     println!("of 12 rods with a load at the tip, {noticed} are undetermined and {named} have the load named");
@@ -181,10 +192,10 @@ fn a_load_of_another_kind_is_noticed_or_stated() {
         assert!((stated.root_radius.value - truth.root_radius()).abs() < 4.0 * stated.root_radius.error);
     }
     // An even load that nobody stated stays `ok` where the taper is not the one of a rod.
-    let even = Truth { alpha: 0.35, ..Truth::default() };
+    let even = BranchFitTruth { alpha: 0.35, ..BranchFitTruth::default() };
     let sure = (0..12).filter(|seed| {
-        let b = branch(&even, 12, 0.005, 50 + seed, Along::Branch);
-        fit(&b, Along::Branch, None).unwrap().status == Status::Ok
+        let b = branch(&even, 12, 0.005, 50 + seed, PositionReference::Branch);
+        fit(&b, PositionReference::Branch, None).unwrap().status == Status::Ok
     });
     assert!(sure.count() >= 11);
 }
@@ -192,13 +203,13 @@ fn a_load_of_another_kind_is_noticed_or_stated() {
 /// A root that gives way turns the whole branch; no taper imitates that, and precise readings show it.
 #[test]
 fn a_root_that_gives_way_is_not_described() {
-    let truth = Truth { alpha: 0.4, tip: 0.1, ..Truth::default() };
-    let mut b = branch(&truth, 24, 2e-3, 6, Along::Branch);
+    let truth = BranchFitTruth { alpha: 0.4, tip: 0.1, ..BranchFitTruth::default() };
+    let mut b = branch(&truth, 24, 2e-3, 6, PositionReference::Branch);
     for r in &mut b.readings {
         r.deflection += 0.03 * r.position;
     }
-    let plain = fit(&branch(&truth, 24, 2e-3, 6, Along::Branch), Along::Branch, EVEN).unwrap();
-    let m = fit(&b, Along::Branch, EVEN).unwrap();
+    let plain = fit(&branch(&truth, 24, 2e-3, 6, PositionReference::Branch), PositionReference::Branch, EVEN).unwrap();
+    let m = fit(&b, PositionReference::Branch, EVEN).unwrap();
     let said = m.status.to_string();
     assert!(
         said.starts_with("undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (the model does not"),

@@ -5,7 +5,7 @@ pub const DAY: f64 = 86_400.0;
 
 /// What a column of times holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Stamp {
+pub enum TimeStamp {
     /// A number, in the unit of its column.
     Number(f64),
     /// Seconds since midnight: `12:03:05.25` or `03:05.25`.
@@ -15,28 +15,28 @@ pub enum Stamp {
     Dated(f64, f64),
 }
 
-impl Stamp {
+impl TimeStamp {
     /// Seconds after another stamp of the same form; a number's unit is `unit` seconds.
-    pub fn after(&self, first: &Stamp, unit: f64) -> f64 {
+    pub fn after(&self, first: &TimeStamp, unit: f64) -> f64 {
         match (self, first) {
-            (Stamp::Number(t), Stamp::Number(first)) => (t - first) * unit,
-            (Stamp::OfDay(t), Stamp::OfDay(first)) => t - first,
-            (Stamp::Dated(day, t), Stamp::Dated(first_day, first)) => (day - first_day) * DAY + (t - first),
+            (TimeStamp::Number(t), TimeStamp::Number(first)) => (t - first) * unit,
+            (TimeStamp::OfDay(t), TimeStamp::OfDay(first)) => t - first,
+            (TimeStamp::Dated(day, t), TimeStamp::Dated(first_day, first)) => (day - first_day) * DAY + (t - first),
             _ => f64::NAN,
         }
     }
 }
 
 /// Reads a time; `None` where it is none.
-pub fn parse(text: &str) -> Option<Stamp> {
+pub fn parse(text: &str) -> Option<TimeStamp> {
     let text = text.trim();
     if let Ok(number) = text.parse::<f64>() {
-        return number.is_finite().then_some(Stamp::Number(number));
+        return number.is_finite().then_some(TimeStamp::Number(number));
     }
-    let Some(at) = text.find(['T', 't', ' ']) else { return of_day(text).map(Stamp::OfDay) };
+    let Some(at) = text.find(['T', 't', ' ']) else { return of_day(text).map(TimeStamp::OfDay) };
     let (date, time) = (&text[..at], text[at + 1..].trim());
     let (time, offset) = zone(time)?;
-    Some(Stamp::Dated(days(date)?, of_day(time)? - offset))
+    Some(TimeStamp::Dated(days(date)?, of_day(time)? - offset))
 }
 
 /// Seconds of `h:m:s` or `m:s`, with a point or comma before the fraction.
@@ -95,17 +95,17 @@ mod tests {
 
     #[test]
     fn times_of_loggers_are_read() {
-        assert_eq!(parse(" 1.25 "), Some(Stamp::Number(1.25)));
-        assert_eq!(parse("12:03:05.25"), Some(Stamp::OfDay(43_385.25)));
-        assert_eq!(parse("03:05,5"), Some(Stamp::OfDay(185.5)));
+        assert_eq!(parse(" 1.25 "), Some(TimeStamp::Number(1.25)));
+        assert_eq!(parse("12:03:05.25"), Some(TimeStamp::OfDay(43_385.25)));
+        assert_eq!(parse("03:05,5"), Some(TimeStamp::OfDay(185.5)));
         // 2026-05-01 is 20,574 days after 1970-01-01: 56 years with 14 leap days, and 120 days.
         let (date, noon) = (56.0 * 365.0 + 14.0 + 120.0, 12.0 * 3600.0);
         for text in ["2026-05-01T12:03:05.250Z", "2026-05-01 14:03:05.250+02:00", "2026/05/01 12:03:05.25"] {
-            assert_eq!(parse(text), Some(Stamp::Dated(date, noon + 185.25)), "{text}");
+            assert_eq!(parse(text), Some(TimeStamp::Dated(date, noon + 185.25)), "{text}");
         }
-        assert_eq!(parse("2026-05-01T02:03:05.25-1000"), Some(Stamp::Dated(date, noon + 185.25)));
+        assert_eq!(parse("2026-05-01T02:03:05.25-1000"), Some(TimeStamp::Dated(date, noon + 185.25)));
         for text in ["", "12", "noon", "12:61:00", "1:2:3:4", "2026-13-01T00:00:00", "2026-05-01T", "::", "-1:00"] {
-            assert!(!matches!(parse(text), Some(Stamp::OfDay(_) | Stamp::Dated(..))), "{text}");
+            assert!(!matches!(parse(text), Some(TimeStamp::OfDay(_) | TimeStamp::Dated(..))), "{text}");
         }
     }
 }

@@ -7,11 +7,11 @@
 //! solves ẍ + γ ẋ + (2π f_h)² x = 0. Channels share f_h and γ. Slow drift is a polynomial beside the offset, of the
 //! degree that Schwarz's criterion asks for. The noise is estimated from the scatter where none is stated.
 
-use super::spectra::{Spectra, legendre, without_trend};
-use super::{FEWEST, Known};
+use super::spectra::{Periodograms, legendre, without_trend};
+use super::{FEWEST, MotionPrior};
 use mesophyll_base::fourier::Complex;
-use mesophyll_base::solve::adequacy::{self, Adequacy, Along, Readings};
-use mesophyll_base::solve::{Closure, Noise, Options, lm};
+use mesophyll_base::solvers::adequacy::{self, Adequacy, ReadingOrder, SolutionResiduals};
+use mesophyll_base::solvers::{ClosureProblem, Options, ResidualNoise, lm};
 use std::f64::consts::{PI, TAU};
 
 /// Damping times length of the record, in units of 2, at which fits begin.
@@ -33,7 +33,7 @@ const MANY: f64 = 0.02;
 
 /// The best fit to a record.
 #[derive(Debug, Clone)]
-pub struct Decay {
+pub struct DecayFit {
     /// f_h (Hz) and γ (1/s).
     pub values: [f64; 2],
     /// Their standard errors, widened where the fit does not describe the record.
@@ -60,7 +60,13 @@ pub struct Decay {
 ///
 /// # Errors
 /// A sentence that says why there is no answer.
-pub fn fit(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, least: f64) -> Result<Decay, String> {
+pub fn fit(
+    channels: &[Vec<f64>],
+    step: f64,
+    known: &MotionPrior,
+    resolution: f64,
+    least: f64,
+) -> Result<DecayFit, String> {
     let whole = oscillation(channels, step, known, resolution, least);
     if whole.as_ref().is_ok_and(|d| d.adequacy.describes()) {
         return whole;
@@ -168,7 +174,13 @@ impl Used<'_> {
 }
 
 /// The fit without readings that are far off it while their neighbours are not.
-fn oscillation(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, least: f64) -> Result<Decay, String> {
+fn oscillation(
+    channels: &[Vec<f64>],
+    step: f64,
+    known: &MotionPrior,
+    resolution: f64,
+    least: f64,
+) -> Result<DecayFit, String> {
     let mut left = channels.to_vec();
     let mut wild = Vec::new();
     let mut found = once(&left, step, known, resolution, least)?;
@@ -207,7 +219,13 @@ fn wildest(residuals: &[f64], resolution: f64) -> Vec<usize> {
     (0..residuals.len()).filter(wild).collect()
 }
 
-fn once(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, least: f64) -> Result<Decay, String> {
+fn once(
+    channels: &[Vec<f64>],
+    step: f64,
+    known: &MotionPrior,
+    resolution: f64,
+    least: f64,
+) -> Result<DecayFit, String> {
     let n = channels.first().map_or(0, Vec::len);
     let one = |(c, readings): (usize, &Vec<f64>)| -> Vec<(usize, f64, f64, f64)> {
         let used = readings.iter().enumerate().filter(|(_, u)| !u.is_nan());
@@ -241,7 +259,7 @@ fn once(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, least:
                 *out = used.model(p, *r) - r.3;
             }
         };
-        let problem = Closure::new(start.len(), m, residuals).with_jacobian(|p, out| used.slopes(p, 1.0, out));
+        let problem = ClosureProblem::new(start.len(), m, residuals).with_jacobian(|p, out| used.slopes(p, 1.0, out));
         let mut lower = vec![f64::NEG_INFINITY; start.len()];
         lower[1] = 0.0;
         let fit = lm::minimize(&problem, &start, &Options { max_iterations: 60, lower, ..Options::default() });
@@ -272,13 +290,13 @@ fn once(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, least:
     for (k, r) in used.all.iter().enumerate() {
         runs[r.0].push(k);
     }
-    let kind = if stated { Noise::Known } else { Noise::Estimated };
-    let adequacy = adequacy::judge(&Readings {
+    let kind = if stated { ResidualNoise::Known } else { ResidualNoise::Estimated };
+    let adequacy = adequacy::judge(&SolutionResiduals {
         residuals: &left,
         jacobian: &jacobian,
         noise: kind,
         floor: 0.5 * resolution / noise,
-        along: &[Along { name: "time", runs }],
+        along: &[ReadingOrder { name: "time", runs }],
     });
     // Readings that agree better than they are written do not make the errors smaller than that.
     let scatter = (2.0 * fit.cost / (m - fit.params.len()) as f64).sqrt();
@@ -293,7 +311,7 @@ fn once(channels: &[Vec<f64>], step: f64, known: &Known, resolution: f64, least:
     for (r, left) in used.all.iter().zip(&left) {
         residuals[r.0][(r.1 / step).round() as usize] = left * noise;
     }
-    Ok(Decay {
+    Ok(DecayFit {
         values: [f, gamma],
         errors: [f * vf.sqrt() * widening, vg.sqrt() * widening],
         ratio_error: ratio.max(0.0).sqrt() * widening,
@@ -317,8 +335,8 @@ fn covariance(jacobian: &[f64], m: usize, n: usize) -> Option<[[f64; 2]; 2]> {
 
 /// ln f_h and γ to begin with: of oscillations around the largest lines of the periodogram, with several dampings, the
 /// one that leaves least; and the share of the movement that it explains.
-fn guess(used: &Used, channels: &[Vec<f64>], step: f64, known: &Known, length: f64) -> Option<(Vec<f64>, f64)> {
-    let spectra = Spectra::new(channels, step, 0.0, 0.0, used.degree.max(1));
+fn guess(used: &Used, channels: &[Vec<f64>], step: f64, known: &MotionPrior, length: f64) -> Option<(Vec<f64>, f64)> {
+    let spectra = Periodograms::new(channels, step, 0.0, 0.0, used.degree.max(1));
     let resolution = spectra.resolution();
     let from = known.band[0].map_or(2, |f| (f / resolution) as usize).max(2);
     let to = known.band[1].map_or(spectra.top(), |f| (f / resolution) as usize).min(spectra.top());

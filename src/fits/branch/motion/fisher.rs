@@ -1,10 +1,10 @@
 //! What the periodograms tell of the parameters: covariance, coherence of channels, and whether they ask for drift.
 
-use super::whittle::{Expected, Parameters};
+use super::whittle::{ExpectedPeriodograms, GustParameters};
 use mesophyll_base::fourier::Complex;
 use nalgebra::DMatrix;
 
-impl Expected<'_> {
+impl ExpectedPeriodograms<'_> {
     /// Fisher's information of the parameters.
     fn information(columns: &[Vec<f64>]) -> DMatrix<f64> {
         let n = columns.len();
@@ -13,7 +13,7 @@ impl Expected<'_> {
 
     /// Covariance of the parameters: the inverse of Fisher's information, widened where tapers, gaps and coherent
     /// channels leave fewer independent numbers than there are frequencies; `None` where it cannot be inverted.
-    pub fn covariance(&self, p: &Parameters) -> Option<DMatrix<f64>> {
+    pub fn covariance(&self, p: &GustParameters) -> Option<DMatrix<f64>> {
         let mut columns = self.derivatives(p);
         // A parameter that changes nothing (a drift of nearly 0) takes no part.
         let kept = |c: &Vec<f64>| c.iter().map(|v| v * v).sum::<f64>() > 1e-12;
@@ -37,7 +37,7 @@ impl Expected<'_> {
     }
 
     /// Squared coherence of two channels over the band, 0 to 1: 1 where the tip moves along a line.
-    pub fn coherence(&self, p: &Parameters) -> f64 {
+    pub fn coherence(&self, p: &GustParameters) -> f64 {
         if self.channels() < 2 {
             return 0.0;
         }
@@ -56,10 +56,10 @@ impl Expected<'_> {
 
     /// By how many standard errors the periodograms ask for drift beside what the parameters (which have none) hold:
     /// the score of the drift's size, freed from what the other parameters could take up.
-    pub fn drift_score(&self, p: &Parameters) -> f64 {
+    pub fn drift_score(&self, p: &GustParameters) -> f64 {
         let whole = self.whole(p);
         let measured = self.measured();
-        let drifting = Expected::new(self.spectra, &self.known, self.band, true);
+        let drifting = ExpectedPeriodograms::new(self.spectra, &self.known, self.band, true);
         let width = self.band.1 + 1 - self.band.0;
         let columns = self.derivatives(p);
         let Some(inverse) = Self::information(&columns).try_inverse() else { return f64::INFINITY };

@@ -2,7 +2,7 @@
 
 /// Where readings stand on a grid of even times.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grid {
+pub struct TimeGrid {
     /// Time between neighbours (s).
     pub step: f64,
     /// Place of each reading, rising; `None` where its time repeats or goes back.
@@ -33,7 +33,7 @@ const SPANS: [usize; 5] = [1, 2, 8, 32, 128];
 ///
 /// # Errors
 /// A sentence that says why there is none.
-pub fn find(times: &[f64], resolution: f64, step: Option<f64>) -> Result<Grid, String> {
+pub fn find(times: &[f64], resolution: f64, step: Option<f64>) -> Result<TimeGrid, String> {
     if let Some(step) = step {
         return Ok(place(times, resolution, step));
     }
@@ -68,7 +68,7 @@ pub fn find(times: &[f64], resolution: f64, step: Option<f64>) -> Result<Grid, S
         let allowed = 0.55 * resolution + EVEN * even.1;
         if times.iter().enumerate().map(off).all(|d| d <= allowed) {
             let places = (0..n).map(Some).collect();
-            return Ok(Grid { step: even.1, places, worst: (0, 0.0), uneven: 0, misfit: 0.0 });
+            return Ok(TimeGrid { step: even.1, places, worst: (0, 0.0), uneven: 0, misfit: 0.0 });
         }
     }
     if !(usual > 0.0) {
@@ -80,8 +80,8 @@ pub fn find(times: &[f64], resolution: f64, step: Option<f64>) -> Result<Grid, S
     let mut steps = vec![near.iter().sum::<f64>() / near.len() as f64];
     steps.extend(SPANS.iter().filter(|s| 4 * **s < n).map(|s| median(*s)));
     // Of steps that place the readings equally well, the one with the fewest gaps.
-    let last = |g: &Grid| g.places.iter().rev().find_map(|p| *p).unwrap_or(0);
-    let placed: Vec<Grid> = steps.into_iter().map(|step| refined(step, resolution)).collect();
+    let last = |g: &TimeGrid| g.places.iter().rev().find_map(|p| *p).unwrap_or(0);
+    let placed: Vec<TimeGrid> = steps.into_iter().map(|step| refined(step, resolution)).collect();
     let least = placed.iter().map(|g| g.misfit).fold(f64::INFINITY, f64::min);
     let near = 1.2 * least + 1e-6 * usual * usual * n as f64;
     let good = placed.into_iter().filter(|g| g.misfit <= near);
@@ -105,8 +105,8 @@ fn regression(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
 }
 
 /// Places readings that are `step` apart or some steps more.
-fn place(times: &[f64], resolution: f64, step: f64) -> Grid {
-    let mut out = Grid { step, places: Vec::with_capacity(times.len()), worst: (0, 0.0), uneven: 0, misfit: 0.0 };
+fn place(times: &[f64], resolution: f64, step: f64) -> TimeGrid {
+    let mut out = TimeGrid { step, places: Vec::with_capacity(times.len()), worst: (0, 0.0), uneven: 0, misfit: 0.0 };
     // Where times are written more coarsely than readings follow one another, only their order tells.
     let near = if resolution > 1.5 * step { resolution } else { 0.5 * step };
     let follow = FOLLOW * (step / (2.0 * resolution)).min(1.0);

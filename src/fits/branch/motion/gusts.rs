@@ -1,9 +1,9 @@
 //! A record as that of an oscillator in gusts: band, drift, and whether this describes it.
 
-use super::lack::{STRANGE, gamma_score};
-use super::spectra::Spectra;
-use super::whittle::{Expected, Parameters};
-use super::{FEWEST, Known};
+use super::adequacy::{STRANGE, gamma_score};
+use super::spectra::Periodograms;
+use super::whittle::{ExpectedPeriodograms, GustParameters};
+use super::{FEWEST, MotionPrior};
 use std::ops::RangeInclusive;
 
 /// The band ends at this many times the resonance.
@@ -30,11 +30,11 @@ const ALIAS: f64 = 6.0;
 
 /// The best fit to a record.
 #[derive(Debug, Clone)]
-pub struct Gusts {
+pub struct GustFit {
     /// The parameters.
-    pub found: Parameters,
+    pub found: GustParameters,
     /// What they were fitted to.
-    pub spectra: Spectra,
+    pub spectra: Periodograms,
     /// First and last frequency, in units of 1/T.
     pub band: (usize, usize),
     /// Log-likelihood below that of a periodogram that is its own mean.
@@ -47,10 +47,10 @@ pub struct Gusts {
     pub widening: f64,
 }
 
-impl Gusts {
+impl GustFit {
     /// The mean periodogram that it was fitted with.
-    pub fn expected(&self, known: &Known) -> Expected<'_> {
-        Expected::new(&self.spectra, known, self.band, self.drift)
+    pub fn expected(&self, known: &MotionPrior) -> ExpectedPeriodograms<'_> {
+        ExpectedPeriodograms::new(&self.spectra, known, self.band, self.drift)
     }
 
     /// Mean of 2(ρ − 1 − ln ρ).
@@ -59,7 +59,7 @@ impl Gusts {
     }
 
     /// Minus the log-likelihood of the periodograms in the band.
-    pub fn surprise(&self, known: &Known) -> f64 {
+    pub fn surprise(&self, known: &MotionPrior) -> f64 {
         let expected = self.expected(known);
         let whole = expected.whole(&self.found);
         expected.measured().iter().zip(&whole).map(|(i, e)| e.ln() + i / e).sum()
@@ -71,7 +71,7 @@ impl Gusts {
     }
 
     /// A resonance (Hz) above half the sampling rate that explains the periodograms as well.
-    pub fn alias(&self, known: &Known) -> Option<f64> {
+    pub fn alias(&self, known: &MotionPrior) -> Option<f64> {
         let rate = 1.0 / self.spectra.step;
         let expected = self.expected(known).aliased();
         let measured = expected.measured();
@@ -82,7 +82,7 @@ impl Gusts {
         let inside = resonances.into_iter().filter(|f| (0.5 * rate..=1.5 * rate).contains(f));
         // The same damping in 1/s, the same share of the critical one, and a smaller one.
         let starts = inside.flat_map(|at| [ratio, ratio * f / at, 0.3 * ratio * f / at].map(|r| expected.start(at, r)));
-        let mut ranked: Vec<(f64, Parameters)> = starts
+        let mut ranked: Vec<(f64, GustParameters)> = starts
             .map(|start| {
                 let whole = expected.whole(&start);
                 let cost = measured.iter().zip(&whole).map(|(i, e)| i / e - 1.0 - (i / e).ln()).sum();
@@ -100,15 +100,15 @@ impl Gusts {
 ///
 /// # Errors
 /// A sentence that says why there is no answer.
-pub fn fit(channels: &[Vec<f64>], step: f64, known: &Known) -> Result<Gusts, String> {
-    let plain = settle(Spectra::new(channels, step, known.noise, 0.0, 0), known, None);
+pub fn fit(channels: &[Vec<f64>], step: f64, known: &MotionPrior) -> Result<GustFit, String> {
+    let plain = settle(Periodograms::new(channels, step, known.noise, 0.0, 0), known, None);
     if let Ok(found) = &plain
         && found.lack.is_none()
         && !drifts(found, known)
     {
         return plain;
     }
-    let raw = Spectra::new(channels, step, known.noise, 0.0, 0);
+    let raw = Periodograms::new(channels, step, known.noise, 0.0, 0);
     match (without_drift(channels, step, known), plain) {
         (Ok(found), _) if has_drift(&found, &raw, known) => Ok(found),
         (Ok(found), Err(_)) if found.lack.is_none() => Ok(found),
@@ -117,22 +117,22 @@ pub fn fit(channels: &[Vec<f64>], step: f64, known: &Known) -> Result<Gusts, Str
 }
 
 /// Whether the periodograms of a fit ask for drift.
-fn drifts(found: &Gusts, known: &Known) -> bool {
+fn drifts(found: &GustFit, known: &MotionPrior) -> bool {
     if found.expected(known).drift_score(&found.found) < SCORE {
         return false;
     }
-    let drifting = Expected::new(&found.spectra, known, found.band, true);
+    let drifting = ExpectedPeriodograms::new(&found.spectra, known, found.band, true);
     drifting.fit(&drifting.with_drift(&found.found)).is_some_and(|(_, cost)| cost < found.cost - DRIFT)
 }
 
 /// Whether the record moves more at the frequencies that were left out than the swaying does.
-fn has_drift(found: &Gusts, raw: &Spectra, known: &Known) -> bool {
+fn has_drift(found: &GustFit, raw: &Periodograms, known: &MotionPrior) -> bool {
     let low = known.band[0].map_or(1, |f| (f / raw.resolution()).ceil() as usize).max(1);
     if found.band.0 <= low {
         return false;
     }
-    let expected = Expected::new(raw, known, (low, found.band.0 - 1), false);
-    let swaying = Parameters(found.found.0[..2 + raw.powers.len() + usize::from(known.speed.is_none())].to_vec());
+    let expected = ExpectedPeriodograms::new(raw, known, (low, found.band.0 - 1), false);
+    let swaying = GustParameters(found.found.0[..2 + raw.powers.len() + usize::from(known.speed.is_none())].to_vec());
     let whole = expected.whole(&swaying);
     let rho: Vec<f64> = expected.measured().iter().zip(&whole).map(|(i, e)| i / e).collect();
     gamma_score(rho.iter().sum::<f64>() / rho.len() as f64, rho.len() as f64) > STRANGE[1]
@@ -140,8 +140,8 @@ fn has_drift(found: &Gusts, raw: &Spectra, known: &Known) -> bool {
 
 /// The fit with the ends faded, a polynomial taken out, drift in the spectrum, and only frequencies at which there is
 /// little of it.
-fn without_drift(channels: &[Vec<f64>], step: f64, known: &Known) -> Result<Gusts, String> {
-    let spectra = Spectra::new(channels, step, known.noise, TAPER, DEGREE);
+fn without_drift(channels: &[Vec<f64>], step: f64, known: &MotionPrior) -> Result<GustFit, String> {
+    let spectra = Periodograms::new(channels, step, known.noise, TAPER, DEGREE);
     let mut low = DEGREE + 1;
     let mut found = settle(spectra, known, Some((low, None)))?;
     for _ in 0..10 {
@@ -176,7 +176,11 @@ fn without_drift(channels: &[Vec<f64>], step: f64, known: &Known) -> Result<Gust
 
 /// Band and resonance depend on each other, so both are found in turn. `drift` is the first frequency of the band and,
 /// where there is one, a fit to begin with, where drift is to be fitted.
-fn settle(spectra: Spectra, known: &Known, drift: Option<(usize, Option<Parameters>)>) -> Result<Gusts, String> {
+fn settle(
+    spectra: Periodograms,
+    known: &MotionPrior,
+    drift: Option<(usize, Option<GustParameters>)>,
+) -> Result<GustFit, String> {
     let resolution = spectra.resolution();
     let top = spectra.top();
     let low =
@@ -189,7 +193,7 @@ fn settle(spectra: Spectra, known: &Known, drift: Option<(usize, Option<Paramete
             top as f64 * resolution
         ));
     }
-    let mut best: Option<Gusts> = None;
+    let mut best: Option<GustFit> = None;
     let mut failed = None;
     let from = drift.as_ref().and_then(|d| d.1.as_ref());
     let guesses = match from {
@@ -215,17 +219,17 @@ fn settle(spectra: Spectra, known: &Known, drift: Option<(usize, Option<Paramete
 
 /// The fit that begins with a resonance (Hz).
 fn around(
-    spectra: &Spectra,
-    known: &Known,
+    spectra: &Periodograms,
+    known: &MotionPrior,
     low: usize,
     guess: f64,
-    from: Option<&Parameters>,
+    from: Option<&GustParameters>,
     drift: bool,
-) -> Result<Gusts, String> {
+) -> Result<GustFit, String> {
     let resolution = spectra.resolution();
     let bin = |f: f64| ((f / resolution).floor() as usize).min(spectra.top());
     let mut high = known.band[1].map_or_else(|| bin(1.25 * WIDE * guess), bin);
-    let mut best: Option<(Parameters, f64)> = None;
+    let mut best: Option<(GustParameters, f64)> = None;
     let mut band = (low, high);
     for _ in 0..6 {
         if high < low + FEWEST {
@@ -237,7 +241,7 @@ fn around(
             ));
         }
         band = (low, high);
-        let expected = Expected::new(spectra, known, band, drift);
+        let expected = ExpectedPeriodograms::new(spectra, known, band, drift);
         best = match best.as_ref().map(|b| &b.0).or(from) {
             Some(found) => expected.fit(&expected.with_drift(found)),
             None => first(&expected, guess),
@@ -250,14 +254,14 @@ fn around(
         high = next;
     }
     let Some((found, cost)) = best else { return Err("the fit did not come to an end".into()) };
-    let mut out = Gusts { found, spectra: spectra.clone(), band, cost, drift, lack: None, widening: 1.0 };
+    let mut out = GustFit { found, spectra: spectra.clone(), band, cost, drift, lack: None, widening: 1.0 };
     out.judge(known);
     Ok(out)
 }
 
 /// The best fit from several dampings. It stops at the first one that describes the motion.
-fn first(expected: &Expected, resonance: f64) -> Option<(Parameters, f64)> {
-    let mut best: Option<(Parameters, f64)> = None;
+fn first(expected: &ExpectedPeriodograms, resonance: f64) -> Option<(GustParameters, f64)> {
+    let mut best: Option<(GustParameters, f64)> = None;
     for ratio in STARTS {
         let Some(found) = expected.fit(&expected.start(resonance, ratio)) else { continue };
         let described = DESCRIBED.contains(&(2.0 * found.1 / expected.bins() as f64));
@@ -273,7 +277,7 @@ fn first(expected: &Expected, resonance: f64) -> Option<(Parameters, f64)> {
 
 /// Resonances (Hz) to begin with: the root mean square frequencies of the deflection and of its speed, and the
 /// frequency at which the speed is largest.
-fn guesses(spectra: &Spectra, low: usize, drift: bool) -> Vec<f64> {
+fn guesses(spectra: &Periodograms, low: usize, drift: bool) -> Vec<f64> {
     let mut out: Vec<f64> = [0, 2].iter().map(|e| middle(spectra, low, *e)).collect();
     let speed = |k: usize| (k * k) as f64 * spectra.powers.iter().map(|p| p[k]).sum::<f64>();
     let half = 2 + spectra.top() / 200;
@@ -292,7 +296,7 @@ fn guesses(spectra: &Spectra, low: usize, drift: bool) -> Vec<f64> {
 
 /// Root mean square frequency of the motion, in units of 1/T, with the periodogram times this power of the frequency.
 /// Frequencies far above it hold noise and are left out step by step.
-fn middle(spectra: &Spectra, low: usize, exponent: i32) -> f64 {
+fn middle(spectra: &Periodograms, low: usize, exponent: i32) -> f64 {
     let top = spectra.top();
     let mut high = top;
     let mut found = top as f64;

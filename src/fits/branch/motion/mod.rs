@@ -22,19 +22,19 @@
 //! A branch that was pulled and let go moves in another way ([`decay`]): nothing about it is random. Which of the two a
 //! record is, its likelihood says.
 
-mod answer;
-mod clean;
+mod adequacy;
+mod cleaning;
 mod clock;
 pub mod decay;
 mod fisher;
 mod grid;
 pub mod gusts;
-mod lack;
-pub mod read;
+pub mod reader;
 pub mod spectra;
 mod spikes;
 #[cfg(test)]
 mod tests;
+mod verdict;
 pub mod whittle;
 
 use mesophyll_base::error::Status;
@@ -42,7 +42,7 @@ pub use spectra::periodogram;
 
 /// Readings at even times.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Record {
+pub struct MotionRecord {
     /// Time between readings (s).
     pub step: f64,
     /// Deflections (mm) in one direction or in two; NaN where a reading is missing.
@@ -66,7 +66,7 @@ pub struct Record {
     strum::IntoStaticStr,
 )]
 #[strum(serialize_all = "kebab-case")]
-pub enum Kind {
+pub enum MotionKind {
     /// whichever of the others the record's likelihood is larger for
     #[default]
     Auto,
@@ -78,9 +78,9 @@ pub enum Kind {
 
 /// What is known beforehand.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Known {
+pub struct MotionPrior {
     /// Kind of motion.
-    pub kind: Kind,
+    pub kind: MotionKind,
     /// Mean speed of the wind (m/s); fitted where it is not given.
     pub speed: Option<f64>,
     /// Standard deviation of the wind's speed over its mean; with the speed it turns the gain into mm per m/s.
@@ -94,7 +94,7 @@ pub struct Known {
 
 /// A number and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Value {
+pub struct MotionEstimate {
     /// The best estimate.
     pub value: f64,
     /// Its standard error; infinite where nothing is known.
@@ -103,19 +103,19 @@ pub struct Value {
 
 /// How a branch sways.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Motion {
+pub struct MotionFit {
     /// What it was taken for; never [`Kind::Auto`].
-    pub kind: Kind,
+    pub kind: MotionKind,
     /// f_h (Hz).
-    pub resonance: Value,
+    pub resonance: MotionEstimate,
     /// γ (1/s).
-    pub damping: Value,
+    pub damping: MotionEstimate,
     /// γ over the critical damping 4π f_h.
-    pub ratio: Value,
+    pub ratio: MotionEstimate,
     /// G of every channel (mm/√Hz); none for a free decay.
-    pub gains: Vec<Value>,
+    pub gains: Vec<MotionEstimate>,
     /// 1/v (s/m); exact where the speed was given, NaN for a free decay.
-    pub slowness: Value,
+    pub slowness: MotionEstimate,
     /// Number of frequencies used, in all channels together; 0 for a free decay.
     pub bins: usize,
     /// Mean of 2(ρ − 1 − ln ρ); 2γ_Euler = 1.154 is expected of Gaussian motion with this spectrum. NaN for a free
@@ -140,7 +140,7 @@ const EXPLAINED: f64 = 0.5;
 ///
 /// # Errors
 /// A sentence that says why there is no answer: too few readings, too many gaps, no motion, a band without frequencies.
-pub fn fit(record: &Record, known: &Known) -> Result<Motion, String> {
+pub fn fit(record: &MotionRecord, known: &MotionPrior) -> Result<MotionFit, String> {
     let n = record.channels.first().map_or(0, Vec::len);
     for (k, channel) in record.channels.iter().enumerate() {
         let name = ["u_mm", "v_mm"][k.min(1)];
@@ -160,22 +160,22 @@ pub fn fit(record: &Record, known: &Known) -> Result<Motion, String> {
             return Err(format!("nothing moves in {name}"));
         }
     }
-    let cleaned = clean::clean(record);
+    let cleaned = cleaning::clean(record);
     // Rounded readings are off by up to half a step, evenly distributed.
     let noise = known.noise.hypot(cleaned.resolution / 12f64.sqrt());
-    let stepped = Known { noise, ..*known };
+    let stepped = MotionPrior { noise, ..*known };
     let gusts = match known.kind {
-        Kind::FreeDecay => Err(String::new()),
+        MotionKind::FreeDecay => Err(String::new()),
         _ => {
-            let smooth = clean::smooth(&cleaned);
+            let smooth = cleaning::smooth(&cleaned);
             gusts::fit(&smooth.channels, record.step, &stepped).map(|g| (g, smooth.wild))
         }
     };
     // Where gusts describe the record, a decay has to explain most of it to be thought of.
     let least = if gusts.as_ref().is_ok_and(|(g, _)| g.lack.is_none()) { EXPLAINED } else { 0.0 };
     let decay = match known.kind {
-        Kind::Gusts => Err(String::new()),
+        MotionKind::Gusts => Err(String::new()),
         _ => decay::fit(&cleaned.channels, record.step, known, cleaned.resolution, least),
     };
-    answer::choose(record, known, &stepped, cleaned, gusts, decay)
+    verdict::choose(record, known, &stepped, cleaned, gusts, decay)
 }

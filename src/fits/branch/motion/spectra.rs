@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 /// Periodograms of all channels of a record.
 #[derive(Debug, Clone)]
-pub struct Spectra {
+pub struct Periodograms {
     /// Time between readings (s).
     pub step: f64,
     /// Places for readings on the even grid of times, gaps included (n).
@@ -31,17 +31,17 @@ pub struct Spectra {
 
 /// One-sided periodogram of readings (mm²/Hz) at k/T for k = 0 … n/2, without the mean.
 pub fn periodogram(readings: &[f64], step: f64) -> Vec<f64> {
-    Spectra::new(&[readings.to_vec()], step, 0.0, 0.0, 0).powers.remove(0)
+    Periodograms::new(&[readings.to_vec()], step, 0.0, 0.0, 0).powers.remove(0)
 }
 
-impl Spectra {
+impl Periodograms {
     /// Of channels in which NaN is a gap, at even steps (s), with the standard error `noise` of a reading (mm). `taper`
     /// is the share of the record over which its ends together are smoothly faded (a Tukey window); `degree` is that
     /// of the polynomial that is taken out.
-    pub fn new(channels: &[Vec<f64>], step: f64, noise: f64, taper: f64, degree: usize) -> Spectra {
+    pub fn new(channels: &[Vec<f64>], step: f64, noise: f64, taper: f64, degree: usize) -> Periodograms {
         let n = channels.first().map_or(0, Vec::len);
         let forward = mesophyll_base::fourier::forward(n.max(1));
-        let mut out = Spectra {
+        let mut out = Periodograms {
             step,
             readings: n,
             degree,

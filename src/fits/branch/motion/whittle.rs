@@ -1,17 +1,17 @@
 //! The mean of a periodogram of a motion in gusts, and the fit to one.
 
-use super::Known;
-use super::spectra::Spectra;
-use mesophyll_base::fourier::{Complex, Transform};
-use mesophyll_base::solve::{Closure, Options, lm};
+use super::MotionPrior;
+use super::spectra::Periodograms;
+use mesophyll_base::fourier::{Complex, FourierTransform};
+use mesophyll_base::solvers::{ClosureProblem, Options, lm};
 use std::f64::consts::PI;
 
 /// ln f_h, ln γ, ln G of every channel, 1/v where the wind's speed is fitted, and ln of the drift's density at the
 /// lowest frequency of the band for every channel where drift is fitted.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parameters(pub Vec<f64>);
+pub struct GustParameters(pub Vec<f64>);
 
-impl Parameters {
+impl GustParameters {
     /// f_h (Hz).
     pub fn resonance(&self) -> f64 {
         self.0[0].exp()
@@ -37,9 +37,9 @@ const ALIAS_FOLDS: i32 = 3;
 const LITTLE_DRIFT: f64 = 1e-3;
 
 /// The mean of the periodograms of a record, as far as the band goes.
-pub struct Expected<'a> {
-    pub(super) spectra: &'a Spectra,
-    pub(super) known: Known,
+pub struct ExpectedPeriodograms<'a> {
+    pub(super) spectra: &'a Periodograms,
+    pub(super) known: MotionPrior,
     /// First and last frequency that are used, in units of 1/T.
     pub band: (usize, usize),
     folds: i32,
@@ -50,16 +50,21 @@ pub struct Expected<'a> {
     pub(super) drift: Vec<Vec<f64>>,
     /// Points of the grid on which the power density is given.
     grid: usize,
-    inverse: Transform,
-    forward: Transform,
+    inverse: FourierTransform,
+    forward: FourierTransform,
 }
 
-impl<'a> Expected<'a> {
+impl<'a> ExpectedPeriodograms<'a> {
     /// At the frequencies k/T for k in `band`, both ends included. With `drift`, every channel has a part ∝ 1/f² beside
     /// the swaying: the density of a random walk, and how steps and trends leak.
-    pub fn new(spectra: &'a Spectra, known: &Known, band: (usize, usize), drift: bool) -> Expected<'a> {
+    pub fn new(
+        spectra: &'a Periodograms,
+        known: &MotionPrior,
+        band: (usize, usize),
+        drift: bool,
+    ) -> ExpectedPeriodograms<'a> {
         let grid = (2 * spectra.readings).next_power_of_two();
-        let mut out = Expected {
+        let mut out = ExpectedPeriodograms {
             spectra,
             known: *known,
             band,
@@ -87,7 +92,7 @@ impl<'a> Expected<'a> {
     }
 
     /// The same for resonances from half the sampling rate up to one and a half times the rate.
-    pub fn aliased(mut self) -> Expected<'a> {
+    pub fn aliased(mut self) -> ExpectedPeriodograms<'a> {
         let rate = 1.0 / self.spectra.step;
         self.folds = ALIAS_FOLDS;
         self.bounds = (0.5 * rate, 1.5 * rate);
@@ -114,7 +119,7 @@ impl<'a> Expected<'a> {
     }
 
     /// 1/v (s/m).
-    pub fn slowness(&self, p: &Parameters) -> f64 {
+    pub fn slowness(&self, p: &GustParameters) -> f64 {
         self.known.speed.map_or_else(|| p.0[2 + self.channels()], |v| 1.0 / v)
     }
 
@@ -122,7 +127,7 @@ impl<'a> Expected<'a> {
     /// [`Oscillator::response`] squared times the gusts' share, in a form that is quickly computed.
     ///
     /// [`Oscillator::response`]: mesophyll_plants::mechanics::wind::Oscillator::response
-    fn density(&self, p: &Parameters) -> impl Fn(f64) -> [f64; 4] {
+    fn density(&self, p: &GustParameters) -> impl Fn(f64) -> [f64; 4] {
         let (square, damping) = (p.resonance().powi(2), p.damping());
         let slowness = self.slowness(p);
         let top = (2.0 * PI * square).powi(2);
@@ -180,7 +185,7 @@ impl<'a> Expected<'a> {
     }
 
     /// Mean of the periodogram over the band for a gain of 1, without noise and drift, for every window.
-    pub fn mean(&self, p: &Parameters) -> Vec<Vec<f64>> {
+    pub fn mean(&self, p: &GustParameters) -> Vec<Vec<f64>> {
         let density = self.density(p);
         let covariances = self.autocovariances(|f| [density(f)[0], 0.0], self.folds);
         (0..self.spectra.windows.len())
@@ -189,7 +194,7 @@ impl<'a> Expected<'a> {
     }
 
     /// The same, and its derivatives by ln f_h, ln γ and 1/v.
-    fn slopes(&self, p: &Parameters) -> Vec<[Vec<f64>; 4]> {
+    fn slopes(&self, p: &GustParameters) -> Vec<[Vec<f64>; 4]> {
         let density = self.density(p);
         let pair = |a: usize, b: usize| {
             let both = |f: f64| {
@@ -207,17 +212,17 @@ impl<'a> Expected<'a> {
     }
 
     /// Density of the drift of a channel at the k-th frequency of the band.
-    fn drift(&self, p: &Parameters, channel: usize, k: usize) -> f64 {
+    fn drift(&self, p: &GustParameters, channel: usize, k: usize) -> f64 {
         let Some(shape) = self.drift.get(self.spectra.window_of[channel]) else { return 0.0 };
         p.0[self.drifts() + channel].exp() * shape[k]
     }
 
     /// Mean of the periodogram over the band, channel after channel.
-    pub fn whole(&self, p: &Parameters) -> Vec<f64> {
+    pub fn whole(&self, p: &GustParameters) -> Vec<f64> {
         self.sum(p, &self.mean(p))
     }
 
-    fn sum(&self, p: &Parameters, mean: &[Vec<f64>]) -> Vec<f64> {
+    fn sum(&self, p: &GustParameters, mean: &[Vec<f64>]) -> Vec<f64> {
         let one = |c: usize| {
             let (power, mean) = (p.gain(c).powi(2), &mean[self.spectra.window_of[c]]);
             mean.iter().enumerate().map(move |(k, e)| power * e + self.drift(p, c, k) + self.spectra.floor)
@@ -231,7 +236,7 @@ impl<'a> Expected<'a> {
     }
 
     /// Drift over swaying at every frequency of the band, the larger one of the channels.
-    pub fn drift_share(&self, p: &Parameters) -> Vec<f64> {
+    pub fn drift_share(&self, p: &GustParameters) -> Vec<f64> {
         let mean = self.mean(p);
         let width = self.band.1 + 1 - self.band.0;
         let share = |c: usize, k: usize| {
@@ -241,13 +246,13 @@ impl<'a> Expected<'a> {
     }
 
     /// Parameters to begin with, for a resonance (Hz) and a share of the critical damping.
-    pub fn start(&self, resonance: f64, ratio: f64) -> Parameters {
+    pub fn start(&self, resonance: f64, ratio: f64) -> GustParameters {
         let mut p = vec![resonance.ln(), (ratio * 4.0 * PI * resonance).ln()];
         p.extend((0..self.channels()).map(|_| 0.0));
         if self.fitted_speed() {
             p.push(0.2);
         }
-        let mut out = Parameters(p);
+        let mut out = GustParameters(p);
         let mean = self.mean(&out);
         for c in 0..self.channels() {
             let range = self.band.0..=self.band.1;
@@ -266,7 +271,7 @@ impl<'a> Expected<'a> {
     }
 
     /// The same parameters with a little drift, where drift is fitted and they have none.
-    pub fn with_drift(&self, p: &Parameters) -> Parameters {
+    pub fn with_drift(&self, p: &GustParameters) -> GustParameters {
         let mut out = p.clone();
         out.0.truncate(self.drifts());
         if !self.drift.is_empty() {
@@ -283,16 +288,16 @@ impl<'a> Expected<'a> {
 
     /// Whittle's estimate, and half the sum of squares there: the log-likelihood below that of a periodogram that is
     /// its own mean. `None` where the solver finds none.
-    pub fn fit(&self, start: &Parameters) -> Option<(Parameters, f64)> {
+    pub fn fit(&self, start: &GustParameters) -> Option<(GustParameters, f64)> {
         let measured = self.measured();
         let residuals = |params: &[f64], out: &mut [f64]| {
-            let whole = self.whole(&Parameters(params.to_vec()));
+            let whole = self.whole(&GustParameters(params.to_vec()));
             for ((out, i), e) in out.iter_mut().zip(&measured).zip(&whole) {
                 *out = deviance(i / e);
             }
         };
         let jacobian = |params: &[f64], out: &mut [f64]| {
-            let p = Parameters(params.to_vec());
+            let p = GustParameters(params.to_vec());
             let whole = self.whole(&p);
             for (column, out) in self.derivatives(&p).iter().zip(out.chunks_mut(measured.len())) {
                 for (k, (out, slope)) in out.iter_mut().zip(column).enumerate() {
@@ -304,7 +309,7 @@ impl<'a> Expected<'a> {
                 }
             }
         };
-        let problem = Closure::new(start.0.len(), measured.len(), residuals).with_jacobian(jacobian);
+        let problem = ClosureProblem::new(start.0.len(), measured.len(), residuals).with_jacobian(jacobian);
         let mut lower = vec![f64::NEG_INFINITY; start.0.len()];
         let mut upper = vec![f64::INFINITY; start.0.len()];
         (lower[0], upper[0]) = (self.bounds.0.ln(), self.bounds.1.ln());
@@ -327,11 +332,11 @@ impl<'a> Expected<'a> {
         };
         let found = lm::minimize(&problem, &start.0, &options);
         let usable = found.params.iter().all(|v| v.is_finite()) && found.cost.is_finite();
-        usable.then_some((Parameters(found.params), found.cost))
+        usable.then_some((GustParameters(found.params), found.cost))
     }
 
     /// ∂ln E/∂p for every parameter, over the band, channel after channel.
-    pub fn derivatives(&self, p: &Parameters) -> Vec<Vec<f64>> {
+    pub fn derivatives(&self, p: &GustParameters) -> Vec<Vec<f64>> {
         let slopes = self.slopes(p);
         let width = self.band.1 + 1 - self.band.0;
         let values: Vec<Vec<f64>> = slopes.iter().map(|s| s[0].clone()).collect();

@@ -2,10 +2,10 @@
 
 use super::columns::Columns;
 use super::verdict::{self, Suspicion};
-use super::{Sample, SamplesFit, Settings, Surface, fit};
+use super::{GlossFitSettings, GlossSample, GlossSampleFit, LobeChoice, fit};
 use crate::Result;
 use mesophyll_files::progress;
-use mesophyll_files::table::{Answer, Groups, Output, Physical, Spec, Table, Tally};
+use mesophyll_files::table::{BatchSpec, Groups, InputTable, OutputRow, PhysicalRange, RowTally, TableOutput};
 use mesophyll_optics::gloss::LobeKind;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -22,18 +22,23 @@ const POSSIBLE: [f64; 2] = [-0.9, 1e4];
 /// # Errors
 /// A missing column, one that says something of the directions and is not understood, an unreadable input, an
 /// unwritable output.
-pub fn run(table: Table, output: &Output, values: &[String], settings: &Settings) -> Result<Tally> {
+pub fn run(
+    table: InputTable,
+    output: &TableOutput,
+    values: &[String],
+    settings: &GlossFitSettings,
+) -> Result<RowTally> {
     let columns = Columns::of(&table, values)?;
-    let spec = Spec {
+    let spec = BatchSpec {
         required: columns.required(),
         optional: columns.values.clone(),
         outputs: outputs(&columns.values, settings),
         readings: columns.values.clone(),
         physical: vec![
-            Physical { columns: columns.values.clone(), range: POSSIBLE },
-            Physical::degrees(columns.required()),
+            PhysicalRange { columns: columns.values.clone(), range: POSSIBLE },
+            PhysicalRange::degrees(columns.required()),
         ],
-        ..Spec::default()
+        ..BatchSpec::default()
     };
     let chosen: Mutex<BTreeMap<String, String>> = Mutex::default();
     let groups = Groups::read(table, &spec, "leaf")?;
@@ -53,7 +58,7 @@ pub fn run(table: Table, output: &Output, values: &[String], settings: &Settings
             }
         }
         if samples.is_empty() {
-            return Answer::refused(worst.unwrap_or_else(|| "no readings".into()));
+            return OutputRow::refused(worst.unwrap_or_else(|| "no readings".into()));
         }
         let (answer, lobe) = answered(&samples, &columns.values, settings);
         if let (Some(lobe), Ok(mut chosen)) = (lobe, chosen.lock()) {
@@ -72,7 +77,7 @@ pub fn run(table: Table, output: &Output, values: &[String], settings: &Settings
 }
 
 /// Output columns of [`answer`] for value columns of these names.
-pub fn outputs(values: &[String], settings: &Settings) -> Vec<String> {
+pub fn outputs(values: &[String], settings: &GlossFitSettings) -> Vec<String> {
     let each = |suffix: &str| values.iter().map(|v| format!("rho_d_{v}{suffix}")).collect::<Vec<_>>();
     let mut outputs = each("");
     outputs.extend(["rho_s", "m", "tilt", "tilt_y", "rms"].map(String::from));
@@ -81,40 +86,40 @@ pub fn outputs(values: &[String], settings: &Settings) -> Vec<String> {
     if settings.index.is_none() {
         outputs.extend(["index", "index_err"].map(String::from));
     }
-    if settings.surface == Surface::Auto {
+    if settings.surface == LobeChoice::Auto {
         outputs.extend(LobeKind::iter().map(|kind| format!("evidence_{}", kind.to_string().replace('-', "_"))));
     }
     outputs
 }
 
 /// Fits one leaf and says what was found as the row of a batch; `values` are the names of the value columns.
-pub fn answer(samples: &[Sample], values: &[String], settings: &Settings) -> Answer {
+pub fn answer(samples: &[GlossSample], values: &[String], settings: &GlossFitSettings) -> OutputRow {
     answered(samples, values, settings).0
 }
 
 /// The row, and which lobe was chosen by how much where it was not stated.
-fn answered(samples: &[Sample], values: &[String], settings: &Settings) -> (Answer, Option<String>) {
+fn answered(samples: &[GlossSample], values: &[String], settings: &GlossFitSettings) -> (OutputRow, Option<String>) {
     let found = match fit(samples, settings) {
         Ok(found) => found,
-        Err(why) => return (Answer::refused(why), None),
+        Err(why) => return (OutputRow::refused(why), None),
     };
     if let Some(why) = verdict::not_reflectance(samples, &found, values, settings) {
-        return (Answer::refused(why), None);
+        return (OutputRow::refused(why), None);
     }
     let suspicion = Suspicion::of(samples, &found, settings);
     let status = verdict::status(&found, values, samples, settings, &suspicion);
-    let auto = settings.surface == Surface::Auto;
-    (Answer { values: cells(&found, settings), status }, auto.then(|| chosen(&found)))
+    let auto = settings.surface == LobeChoice::Auto;
+    (OutputRow { values: cells(&found, settings), status }, auto.then(|| chosen(&found)))
 }
 
-fn cells(f: &SamplesFit, settings: &Settings) -> Vec<f64> {
+fn cells(f: &GlossSampleFit, settings: &GlossFitSettings) -> Vec<f64> {
     let mut cells: Vec<f64> = f.rho_d.iter().copied().chain([f.rho_s, f.m, f.tilt[0], f.tilt[1], f.rms]).collect();
     cells.extend(f.rho_d_err.iter().copied().chain([f.rho_s_err, f.m_err, f.tilt_err[0], f.tilt_err[1]]));
     if settings.index.is_none() {
         // A lobe without an index has none to print.
         cells.extend(f.lobe.index().map_or([f64::NAN; 2], |index| [index, f.index_err]));
     }
-    if settings.surface == Surface::Auto {
+    if settings.surface == LobeChoice::Auto {
         let own = f.evidence[LobeKind::from(f.lobe) as usize];
         cells.extend(f.evidence.iter().map(|e| e - own));
     }
@@ -122,7 +127,7 @@ fn cells(f: &SamplesFit, settings: &Settings) -> Vec<f64> {
 }
 
 /// Which lobe describes the leaf best, and by how much.
-fn chosen(f: &SamplesFit) -> String {
+fn chosen(f: &GlossSampleFit) -> String {
     let own = LobeKind::from(f.lobe);
     let best = f.evidence[own as usize];
     let others: Vec<String> = LobeKind::iter()

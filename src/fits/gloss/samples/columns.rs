@@ -1,8 +1,8 @@
 //! Columns of a goniometer table: which angles and readings there are, in which units, and the directions they give.
 
-use super::{Sample, Settings};
+use super::{GlossFitSettings, GlossSample};
 use crate::{Error, Result};
-use mesophyll_files::table::Table;
+use mesophyll_files::table::InputTable;
 
 const ANGLES: [&str; 3] = ["source_zenith", "view_zenith", "view_azimuth"];
 /// The angle that a table may leave out: it is then 0.
@@ -51,7 +51,7 @@ impl Columns {
     ///
     /// # Errors
     /// A column that is missing, named twice, or one that says something of the directions that is not understood.
-    pub fn of(table: &Table, values: &[String]) -> Result<Columns> {
+    pub fn of(table: &InputTable, values: &[String]) -> Result<Columns> {
         let values: Vec<String> = if values.is_empty() {
             table.header.iter().filter(|h| h.starts_with("brf")).cloned().collect()
         } else {
@@ -109,7 +109,11 @@ impl Columns {
     ///
     /// # Errors
     /// A sentence that names the angle that cannot be used.
-    pub fn sample(&self, cells: &[f64], settings: &Settings) -> std::result::Result<(Sample, Vec<String>), String> {
+    pub fn sample(
+        &self,
+        cells: &[f64],
+        settings: &GlossFitSettings,
+    ) -> std::result::Result<(GlossSample, Vec<String>), String> {
         let (angles, values) = cells.split_at(self.angles.len() + usize::from(self.azimuth.is_some()));
         let stated = self.angles.iter().chain(&self.azimuth);
         let mut degrees = [0.0; 4];
@@ -133,8 +137,8 @@ fn direction(
     [source, view, azimuth, turned]: [f64; 4],
     values: &[f64],
     names: &[String],
-    settings: &Settings,
-) -> std::result::Result<(Sample, Vec<String>), String> {
+    settings: &GlossFitSettings,
+) -> std::result::Result<(GlossSample, Vec<String>), String> {
     let mut left = Vec::new();
     let unit = if settings.percent { 0.01 } else { 1.0 };
     let reading = |(x, name): (&f64, &String)| {
@@ -149,7 +153,7 @@ fn direction(
     let mirror = if settings.mirror_azimuth == Some(0) { 180.0 } else { 0.0 };
     let source = [source.to_radians(), turned.to_radians()];
     let view = [view.to_radians(), (azimuth + mirror).to_radians()];
-    Ok((Sample::between(source, view, values), left))
+    Ok((GlossSample::between(source, view, values), left))
 }
 
 /// A direction with its readings: `cells` holds source zenith, view zenith and view azimuth (degrees), then the
@@ -157,9 +161,9 @@ fn direction(
 ///
 /// # Errors
 /// A sentence that names the number that cannot be used.
-pub fn sample(cells: &[f64], names: &[String]) -> std::result::Result<Sample, String> {
+pub fn sample(cells: &[f64], names: &[String]) -> std::result::Result<GlossSample, String> {
     let angles = ANGLES.map(|name| (format!("{name}_deg"), 1.0)).to_vec();
     let columns = Columns { angles, azimuth: None, values: names.to_vec() };
-    let (sample, left) = columns.sample(cells, &Settings::default())?;
+    let (sample, left) = columns.sample(cells, &GlossFitSettings::default())?;
     left.into_iter().next().map_or(Ok(sample), Err)
 }

@@ -1,10 +1,10 @@
 //! Whether a lobe describes a leaf's readings: patterns of the residuals over the directions.
 
-use super::Sample;
+use super::GlossSample;
 use super::scatter::{Part, Residuals};
 use crate::gloss::normal_of;
-use mesophyll_base::solve::Noise;
-use mesophyll_base::solve::adequacy::{self, Along, Readings};
+use mesophyll_base::solvers::ResidualNoise;
+use mesophyll_base::solvers::adequacy::{self, ReadingOrder, SolutionResiduals};
 use mesophyll_optics::gloss::{dot, tan2_half};
 
 /// A reading that is farther from the rest than this many standard deviations is no noise: of a million readings with
@@ -25,7 +25,7 @@ pub(super) struct Judgement {
 }
 
 /// Judges a fit whose normal has these tilts. `floor`: residuals whose root mean square is below it are rounding.
-pub(super) fn judge(samples: &[Sample], fit: &Residuals, tilts: [f64; 2], floor: f64) -> Judgement {
+pub(super) fn judge(samples: &[GlossSample], fit: &Residuals, tilts: [f64; 2], floor: f64) -> Judgement {
     let common = patterns(samples, &fit.common, tilts, floor);
     let contrasts = patterns(samples, &fit.contrasts, tilts, floor);
     // A single column has no contrasts.
@@ -39,17 +39,17 @@ pub(super) fn judge(samples: &[Sample], fit: &Residuals, tilts: [f64; 2], floor:
     Judgement { why: common.why.or(between).or_else(|| stray(samples, fit, floor)), widening }
 }
 
-fn patterns(samples: &[Sample], part: &Part, tilts: [f64; 2], floor: f64) -> Judgement {
+fn patterns(samples: &[GlossSample], part: &Part, tilts: [f64; 2], floor: f64) -> Judgement {
     let parameters = part.rows.first().map_or(0, Vec::len);
     if part.freedom() < 3 {
         return Judgement { why: None, widening: vec![1.0; parameters] };
     }
     let along = orders(samples, part, tilts);
     let jacobian = part.jacobian();
-    let mut found = adequacy::judge(&Readings {
+    let mut found = adequacy::judge(&SolutionResiduals {
         residuals: &part.r,
         jacobian: &jacobian,
-        noise: Noise::Estimated,
+        noise: ResidualNoise::Estimated,
         floor,
         along: &along,
     });
@@ -60,12 +60,12 @@ fn patterns(samples: &[Sample], part: &Part, tilts: [f64; 2], floor: f64) -> Jud
 }
 
 /// Lines of directions in which neighbours would agree if the lobe were wrong.
-fn orders(samples: &[Sample], part: &Part, tilts: [f64; 2]) -> Vec<Along> {
+fn orders(samples: &[GlossSample], part: &Part, tilts: [f64; 2]) -> Vec<ReadingOrder> {
     let normal = normal_of(tilts);
     let of = |i: &usize| &samples[part.sample[*i]];
     let azimuth = |d: [f64; 3]| if d[2] > 1.0 - 1e-9 { 0.0 } else { d[1].atan2(d[0]) };
     let zenith = |d: [f64; 3]| d[2].clamp(-1.0, 1.0).acos();
-    let source = |s: &Sample| [zenith(s.light), azimuth(s.light)];
+    let source = |s: &GlossSample| [zenith(s.light), azimuth(s.light)];
     // Through the zenith from one side to the other: azimuths that differ by half a turn are one plane.
     let plane = |d: [f64; 3]| {
         let a = azimuth(d).rem_euclid(std::f64::consts::PI);
@@ -76,9 +76,10 @@ fn orders(samples: &[Sample], part: &Part, tilts: [f64; 2]) -> Vec<Along> {
         let back = !(-SAME..std::f64::consts::PI - SAME).contains(&a);
         if back { -zenith(d) } else { zenith(d) }
     };
-    let from_mirror = |s: &Sample| tan2_half(dot(normal, s.light) + dot(normal, s.view), 1.0 + dot(s.light, s.view));
+    let from_mirror =
+        |s: &GlossSample| tan2_half(dot(normal, s.light) + dot(normal, s.view), 1.0 + dot(s.light, s.view));
     let all: Vec<usize> = (0..part.r.len()).collect();
-    let grouped = |key: &dyn Fn(&Sample) -> Vec<f64>, by: &dyn Fn(&Sample) -> f64, least: usize| {
+    let grouped = |key: &dyn Fn(&GlossSample) -> Vec<f64>, by: &dyn Fn(&GlossSample) -> f64, least: usize| {
         let mut runs: Vec<(Vec<f64>, Vec<usize>)> = Vec::new();
         for &i in &all {
             // Different contrasts do not follow one another.
@@ -98,7 +99,7 @@ fn orders(samples: &[Sample], part: &Part, tilts: [f64; 2]) -> Vec<Along> {
     let mut out = Vec::new();
     let mut add = |name, runs: Vec<Vec<usize>>| {
         if runs.iter().map(Vec::len).sum::<usize>() >= 5 {
-            out.push(Along { name, runs });
+            out.push(ReadingOrder { name, runs });
         }
     };
     add("view zenith", grouped(&|s| source(s).into_iter().chain([plane(s.view)]).collect(), &|s| signed(s.view), 3));
@@ -124,7 +125,7 @@ fn orders(samples: &[Sample], part: &Part, tilts: [f64; 2]) -> Vec<Along> {
 }
 
 /// A single reading that does not belong to the others.
-fn stray(samples: &[Sample], fit: &Residuals, floor: f64) -> Option<String> {
+fn stray(samples: &[GlossSample], fit: &Residuals, floor: f64) -> Option<String> {
     let n = fit.plain.len() as f64;
     let square = |r: &super::scatter::Plain| r.weight * r.residual * r.residual;
     let sum: f64 = fit.plain.iter().map(square).sum();

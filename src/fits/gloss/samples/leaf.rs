@@ -3,7 +3,7 @@
 use super::judge::{self, Judgement};
 use super::scatter::{self, Residuals};
 use super::search::{Point, Problem, even};
-use super::{INDEX, Sample, SamplesFit, Settings, Tilts};
+use super::{GlossFitSettings, GlossSample, GlossSampleFit, INDEX, TiltChoice};
 use mesophyll_optics::gloss::{LobeKind, dot};
 
 /// Noise that is a larger share of the reading than this is no noise of an instrument.
@@ -35,10 +35,10 @@ enum Level {
 
 impl<'a> Leaf<'a> {
     pub fn fit(
-        samples: &'a [Sample],
+        samples: &'a [GlossSample],
         bands: usize,
         kind: LobeKind,
-        settings: &Settings,
+        settings: &GlossFitSettings,
     ) -> std::result::Result<Self, String> {
         let fit_index = settings.index.is_none() && kind.has_index();
         let mut problem = Problem {
@@ -47,11 +47,11 @@ impl<'a> Leaf<'a> {
             bands,
             weights: even(samples),
             turn: 0.0,
-            free: [true, settings.tilts != Tilts::Level, settings.tilts == Tilts::Free, fit_index],
+            free: [true, settings.tilts != TiltChoice::Level, settings.tilts == TiltChoice::Free, fit_index],
             index: settings.index.unwrap_or(INDEX),
         };
         let mut level = Level::Stated;
-        if settings.tilts == Tilts::Free
+        if settings.tilts == TiltChoice::Free
             && let Some(turn) = plane(samples)
         {
             (problem.turn, problem.free[2], level) = (turn, false, Level::Taken);
@@ -65,7 +65,7 @@ impl<'a> Leaf<'a> {
         let mut ends = problem.search();
         let mut fit = Residuals::at(&problem, &ends[0].1, floor);
         if level == Level::Stated
-            && settings.tilts == Tilts::Free
+            && settings.tilts == TiltChoice::Free
             && let Some(turn) = unseen(&problem, &fit)
         {
             (problem.turn, problem.free[2], level) = (turn, false, Level::Taken);
@@ -149,7 +149,7 @@ impl<'a> Leaf<'a> {
         format!("the readings do not show the tilt across the plane of the scan, which is taken as 0{told}")
     }
 
-    pub fn report(&self) -> SamplesFit {
+    pub fn report(&self) -> GlossSampleFit {
         let (fit, bands) = (&self.fit, self.problem.bands);
         let widened = |k: usize| fit.error(k) * self.judgement.widening.get(k).copied().unwrap_or(1.0);
         let place = |component: usize| fit.live.iter().position(|k| *k == component).map(|k| bands + 1 + k);
@@ -169,7 +169,7 @@ impl<'a> Leaf<'a> {
         };
         let readings = fit.plain.len();
         let square: f64 = fit.plain.iter().map(|r| r.residual * r.residual).sum();
-        let mut out = SamplesFit {
+        let mut out = GlossSampleFit {
             lobe: self.problem.lobe(&fit.p),
             rho_d: fit.solved.rho_d.clone(),
             rho_s: fit.solved.rho_s,
@@ -194,7 +194,7 @@ impl<'a> Leaf<'a> {
     }
 
     /// Another minimum that explains the readings as well (within three standard deviations).
-    fn rival(&self, found: &SamplesFit) -> Option<String> {
+    fn rival(&self, found: &GlossSampleFit) -> Option<String> {
         let best = self.fit.common.sum() + self.fit.contrasts.sum();
         let freedom = (self.fit.plain.len() - self.problem.bands - 1 - self.fit.live.len()).max(1) as f64;
         let far = |value: f64, other: f64, error: f64| (value - other).abs() > 2.5 * error;
@@ -208,13 +208,13 @@ impl<'a> Leaf<'a> {
 }
 
 /// Residuals whose root mean square is below this are rounding of the table or of the arithmetic.
-fn floor(samples: &[Sample]) -> f64 {
+fn floor(samples: &[GlossSample]) -> f64 {
     let most = samples.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).fold(0.0f64, |a, v| a.max(v.abs()));
     (0.5 * scatter::rounding(samples)).max(1e-7 * most)
 }
 
 /// The azimuth (rad) of the plane in which all directions lie, if they do.
-fn plane(samples: &[Sample]) -> Option<f64> {
+fn plane(samples: &[GlossSample]) -> Option<f64> {
     let directions = || samples.iter().flat_map(|s| [s.light, s.view]);
     let [xx, xy, yy] = directions().fold([0.0; 3], |a, d| [a[0] + d[0] * d[0], a[1] + d[0] * d[1], a[2] + d[1] * d[1]]);
     let turn = snapped(0.5 * (2.0 * xy).atan2(xx - yy));

@@ -29,7 +29,7 @@ use strum::{Display, EnumIter, EnumMessage, EnumString, IntoEnumIterator, IntoSt
 
 /// One direction.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
+pub struct GlossSample {
     /// Unit vector towards the source; z points out of the leaf.
     pub light: [f64; 3],
     /// Unit vector towards the viewer.
@@ -38,23 +38,23 @@ pub struct Sample {
     pub values: Vec<f64>,
 }
 
-impl Sample {
+impl GlossSample {
     /// The source is at azimuth 0 in the x–z plane, so that view azimuth 180° is the side of the mirror direction.
     /// Angles in radians; a negative zenith angle lies at the opposite azimuth.
-    pub fn from_angles(source_zenith: f64, view_zenith: f64, view_azimuth: f64, values: Vec<f64>) -> Sample {
-        Sample::between([source_zenith, 0.0], [view_zenith, view_azimuth], values)
+    pub fn from_angles(source_zenith: f64, view_zenith: f64, view_azimuth: f64, values: Vec<f64>) -> GlossSample {
+        GlossSample::between([source_zenith, 0.0], [view_zenith, view_azimuth], values)
     }
 
     /// The same with a source at any azimuth: zenith and azimuth of the source, and of the view (rad).
-    pub fn between(source: [f64; 2], view: [f64; 2], values: Vec<f64>) -> Sample {
+    pub fn between(source: [f64; 2], view: [f64; 2], values: Vec<f64>) -> GlossSample {
         let dir = |[t, p]: [f64; 2]| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
-        Sample { light: dir(source), view: dir(view), values }
+        GlossSample { light: dir(source), view: dir(view), values }
     }
 }
 
 /// Which lobe is fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Surface {
+pub enum LobeChoice {
     /// Beckmann's, because nothing else was said.
     #[default]
     Usual,
@@ -67,7 +67,7 @@ pub enum Surface {
 /// Which tilts of the normal are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Tilts {
+pub enum TiltChoice {
     /// Both; but the tilt across a scan in one plane, which no reading shows, is taken as 0 and named
     #[default]
     Free,
@@ -80,25 +80,25 @@ pub enum Tilts {
 
 /// How leaves are fitted.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub struct GlossFitSettings {
     /// The lobe.
-    pub surface: Surface,
+    pub surface: LobeChoice,
     /// Index of refraction of lobes that have one; `None`: it is fitted, between the two of [`INDICES`].
     pub index: Option<f64>,
     /// Which tilts are fitted.
-    pub tilts: Tilts,
+    pub tilts: TiltChoice,
     /// The view azimuth of the mirror side (degrees, 0 or 180) where it was stated; then large tilts are believed.
     pub mirror_azimuth: Option<u16>,
     /// Whether readings are per cent.
     pub percent: bool,
 }
 
-impl Default for Settings {
-    fn default() -> Settings {
-        Settings {
-            surface: Surface::Usual,
+impl Default for GlossFitSettings {
+    fn default() -> GlossFitSettings {
+        GlossFitSettings {
+            surface: LobeChoice::Usual,
             index: Some(INDEX),
-            tilts: Tilts::Free,
+            tilts: TiltChoice::Free,
             mirror_azimuth: None,
             percent: false,
         }
@@ -107,7 +107,7 @@ impl Default for Settings {
 
 /// A fitted leaf; errors are one standard deviation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SamplesFit {
+pub struct GlossSampleFit {
     /// The lobe; with the fitted index where it was fitted.
     pub lobe: Lobe,
     /// Diffuse reflectance ρd, a value column each.
@@ -162,15 +162,15 @@ const TIED: f64 = 3.0;
 ///
 /// # Errors
 /// A reason in words where there are too few readings.
-pub fn fit(samples: &[Sample], settings: &Settings) -> std::result::Result<SamplesFit, String> {
+pub fn fit(samples: &[GlossSample], settings: &GlossFitSettings) -> std::result::Result<GlossSampleFit, String> {
     let bands = samples.first().map_or(0, |s| s.values.len());
     if let Some(k) = (0..bands).find(|&k| samples.iter().all(|s| !s.values[k].is_finite())) {
         return Err(format!("value column {} has no reading", k + 1));
     }
     let wanted = match settings.surface {
-        Surface::Of(kind) => Some(kind),
-        Surface::Usual => Some(LobeKind::Beckmann),
-        Surface::Auto => None,
+        LobeChoice::Of(kind) => Some(kind),
+        LobeChoice::Usual => Some(LobeKind::Beckmann),
+        LobeChoice::Auto => None,
     };
     let all: Vec<(LobeKind, Leaf)> = LobeKind::iter()
         .map(|kind| Ok((kind, Leaf::fit(samples, bands, kind, settings)?)))
@@ -189,7 +189,7 @@ pub fn fit(samples: &[Sample], settings: &Settings) -> std::result::Result<Sampl
             out.hold(&all[k].1.report());
         }
     }
-    if settings.surface == Surface::Usual {
+    if settings.surface == LobeChoice::Usual {
         // Nobody stated the lobe. Where another one describes the leaf as well, it may be that. What ρs means depends
         // on the lobe, so its error stays that of this one.
         let as_well = |k: &usize| (-TIED..=FAR_BETTER).contains(&(evidence[*k] - evidence[chosen])) && *k != chosen;
@@ -202,14 +202,14 @@ pub fn fit(samples: &[Sample], settings: &Settings) -> std::result::Result<Sampl
     Ok(out)
 }
 
-impl SamplesFit {
+impl GlossSampleFit {
     /// Whether the readings speak against the usual index of refraction, which was taken for granted: far better with
     /// another one, they are not described; better, the errors hold what it would change.
-    fn ask_index(&mut self, samples: &[Sample], kind: LobeKind, settings: &Settings, evidence: f64) {
+    fn ask_index(&mut self, samples: &[GlossSample], kind: LobeKind, settings: &GlossFitSettings, evidence: f64) {
         if settings.index != Some(INDEX) || self.lobe.index().is_none() {
             return;
         }
-        let free = Settings { index: None, ..settings.clone() };
+        let free = GlossFitSettings { index: None, ..settings.clone() };
         let Ok(leaf) = Leaf::fit(samples, self.rho_d.len(), kind, &free) else { return };
         let (gain, found) = (leaf.evidence() - evidence, leaf.report());
         if gain > FAR_BETTER {
@@ -227,7 +227,7 @@ impl SamplesFit {
     }
 
     /// Widens every error so that it holds the value of another description of the same leaf.
-    fn hold(&mut self, other: &SamplesFit) {
+    fn hold(&mut self, other: &GlossSampleFit) {
         let widen = |error: &mut f64, a: f64, b: f64| *error = error.hypot(a - b);
         for ((error, a), b) in self.rho_d_err.iter_mut().zip(&self.rho_d).zip(&other.rho_d) {
             widen(error, *a, *b);

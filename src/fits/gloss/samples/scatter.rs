@@ -5,9 +5,9 @@
 //! columns (Helmert's). The gloss is grey, so slope, normal and ρs come from the common parts alone, and a wrong lobe
 //! shows in the common parts alone. For independent readings of equal noise both have the same variance.
 
-use super::Sample;
+use super::GlossSample;
 use super::search::{Point, Problem, Solved};
-use mesophyll_base::solve::adequacy::normal_quantile;
+use mesophyll_base::solvers::adequacy::normal_quantile;
 use nalgebra::DMatrix;
 
 /// A gain of the log-likelihood by this much makes a noise that grows with the reading worth its parameter.
@@ -232,7 +232,7 @@ fn f_score(ratio: f64, over: f64, under: f64) -> f64 {
 
 /// The unit in which the readings of a table were rounded: the largest power of ten that all are multiples of, 1e-9 at
 /// the least; 0 where they have more digits.
-pub(super) fn rounding(samples: &[Sample]) -> f64 {
+pub(super) fn rounding(samples: &[GlossSample]) -> f64 {
     let values = || samples.iter().flat_map(|s| &s.values).filter(|v| v.is_finite());
     let whole = |unit: f64| values().all(|v| ((v / unit) - (v / unit).round()).abs() < 1e-4);
     (0..=9).map(|k| 10f64.powi(-k)).find(|unit| whole(*unit)).unwrap_or(0.0)

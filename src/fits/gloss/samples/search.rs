@@ -1,12 +1,12 @@
 //! The least sum of squares of a leaf's readings: a grid over slope and normal, descents from its best points, and the
 //! linear parameters at each of them.
 
-use super::{INDICES, Sample, TILT};
+use super::{GlossSample, INDICES, TILT};
 use crate::gloss::{M_RANGE, normal_of};
 use argmin::core::{CostFunction, Executor, State as _};
 use argmin::solver::neldermead::NelderMead;
-use mesophyll_base::solve::Termination;
-use mesophyll_base::solve::damped::{self, Control, Damped};
+use mesophyll_base::solvers::Termination;
+use mesophyll_base::solvers::damping::{self, DampedProblem, DampingControl};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
@@ -24,7 +24,7 @@ pub(super) type Point = [f64; 4];
 /// A leaf's readings and what is fitted to them.
 #[derive(Clone)]
 pub(super) struct Problem<'a> {
-    pub samples: &'a [Sample],
+    pub samples: &'a [GlossSample],
     pub kind: LobeKind,
     pub bands: usize,
     /// Weight of each reading, by sample, then by value column; 0 where there is no reading.
@@ -46,7 +46,7 @@ pub(super) struct Solved {
 }
 
 /// Weight 1 for every reading that there is.
-pub(super) fn even(samples: &[Sample]) -> Vec<f64> {
+pub(super) fn even(samples: &[GlossSample]) -> Vec<f64> {
     samples.iter().flat_map(|s| &s.values).map(|v| f64::from(u8::from(v.is_finite()))).collect()
 }
 
@@ -85,19 +85,19 @@ impl Problem<'_> {
 
     /// Some of the directions with the mean of their columns. The gloss is grey, so it shows there as well as in all
     /// columns, as long as none lacks a reading.
-    fn grey(&self) -> Vec<Sample> {
+    fn grey(&self) -> Vec<GlossSample> {
         let every = self.samples.len().div_ceil(GRID_DIRECTIONS);
         let mean = |k: usize| {
             let read = self.samples.iter().map(|s| s.values[k]).filter(|v| v.is_finite());
             read.clone().sum::<f64>() / read.count() as f64
         };
         let means: Vec<f64> = (0..self.bands).map(mean).collect();
-        let grey = |s: &Sample| {
+        let grey = |s: &GlossSample| {
             // A column without a reading here would shift the mean by its own level.
             let read = s.values.iter().zip(&means).filter(|(v, _)| v.is_finite()).map(|(v, mean)| v - mean);
             let level = means.iter().sum::<f64>() / self.bands as f64;
             let count = read.clone().count();
-            Sample { values: vec![level + read.sum::<f64>() / count as f64], ..s.clone() }
+            GlossSample { values: vec![level + read.sum::<f64>() / count as f64], ..s.clone() }
         };
         self.samples.iter().step_by(every).map(grey).collect()
     }
@@ -240,11 +240,12 @@ impl Problem<'_> {
 
     /// Levenberg–Marquardt on the projected residuals, derivatives by central differences (a leaf has few samples).
     fn polish(&self, start: Point) -> (f64, Point) {
-        let control = Control { damping: 1e-3, tries: usize::MAX, most: 1e7, least: 0.0, ..Control::MARQUARDT };
+        let control =
+            DampingControl { damping: 1e-3, tries: usize::MAX, most: 1e7, least: 0.0, ..DampingControl::MARQUARDT };
         let live = self.live();
         let mut descent =
             Polish { problem: self, matrix: DMatrix::zeros(0, 0), right: DVector::zeros(live.len()), live };
-        damped::minimize(&mut descent, (self.at(&start).sum, start), &control).0
+        damping::minimize(&mut descent, (self.at(&start).sum, start), &control).0
     }
 }
 
@@ -257,7 +258,7 @@ struct Polish<'a, 'b> {
     right: DVector<f64>,
 }
 
-impl Damped for Polish<'_, '_> {
+impl DampedProblem for Polish<'_, '_> {
     type Point = (f64, Point);
     type Step = Vec<f64>;
 

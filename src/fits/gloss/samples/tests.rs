@@ -1,5 +1,5 @@
 use super::*;
-use crate::gloss::synthetic::Noise;
+use crate::gloss::synthetic::GaussianDeviates;
 use mesophyll_files::table::Status;
 use mesophyll_optics::gloss::dot;
 use std::f64::consts::PI;
@@ -55,12 +55,12 @@ impl True {
     }
 
     /// A table: noise has the standard deviation √(floor² + (relative · value)²).
-    fn table(&self, directions: &[[[f64; 2]; 2]], [floor, relative]: [f64; 2], seed: u64) -> Vec<Sample> {
-        let mut noise = Noise::new(seed);
+    fn table(&self, directions: &[[[f64; 2]; 2]], [floor, relative]: [f64; 2], seed: u64) -> Vec<GlossSample> {
+        let mut noise = GaussianDeviates::new(seed);
         let sample = |&[source, view]: &[[f64; 2]; 2]| {
             let values = self.seen(source, view).map(|v| v + floor.hypot(relative * v) * noise.normal());
             let radians = |a: [f64; 2]| a.map(f64::to_radians);
-            Sample::between(radians(source), radians(view), values.to_vec())
+            GlossSample::between(radians(source), radians(view), values.to_vec())
         };
         directions.iter().map(sample).collect()
     }
@@ -72,15 +72,15 @@ fn rings(sources: &[f64]) -> Vec<[[f64; 2]; 2]> {
     sources.iter().flat_map(|s| views().map(|v| [[*s, 0.0], v])).collect()
 }
 
-fn one(samples: &[Sample], kind: LobeKind) -> SamplesFit {
-    Leaf::fit(samples, 2, kind, &Settings::default()).unwrap().report()
+fn one(samples: &[GlossSample], kind: LobeKind) -> GlossSampleFit {
+    Leaf::fit(samples, 2, kind, &GlossFitSettings::default()).unwrap().report()
 }
 
-fn with(surface: Surface) -> Settings {
-    Settings { surface, ..Settings::default() }
+fn with(surface: LobeChoice) -> GlossFitSettings {
+    GlossFitSettings { surface, ..GlossFitSettings::default() }
 }
 
-fn status(samples: &[Sample], settings: &Settings) -> String {
+fn status(samples: &[GlossSample], settings: &GlossFitSettings) -> String {
     answer(samples, &["a".into(), "b".into()], settings).status.to_string()
 }
 
@@ -122,11 +122,11 @@ fn right_lobes_are_not_accused_and_their_errors_hold() {
 fn a_wrong_lobe_is_never_ok_and_the_right_one_is_named() {
     for seed in 0..2 {
         let samples = COATED.table(&rings(&[20.0, 40.0, 60.0]), [3e-4, 0.01], seed);
-        let said = status(&samples, &Settings::default());
+        let said = status(&samples, &GlossFitSettings::default());
         assert!(said.starts_with("undetermined: rho_d_a rho_d_b rho_s m tilt tilt_y ("), "{said}");
         assert!(said.contains("--lobe cook-torrance describes it"), "{said}");
-        assert_eq!(status(&samples, &with(Surface::Of(LobeKind::CookTorrance))), "ok");
-        let f = fit(&samples, &with(Surface::Auto)).unwrap();
+        assert_eq!(status(&samples, &with(LobeChoice::Of(LobeKind::CookTorrance))), "ok");
+        let f = fit(&samples, &with(LobeChoice::Auto)).unwrap();
         assert_eq!((f.lobe.name(), f.tied.len()), ("cook-torrance", 0), "{:?}", f.evidence);
         assert!((f.m - COATED.m).abs() < 4.0 * f.m_err && (f.rho_s - COATED.rho_s).abs() < 4.0 * f.rho_s_err);
     }
@@ -134,10 +134,10 @@ fn a_wrong_lobe_is_never_ok_and_the_right_one_is_named() {
     for kind in LobeKind::iter() {
         let truth = True { kind, rho_s: if kind.has_index() { 0.9 } else { 0.05 }, ..PLAIN };
         let samples = truth.table(&rings(&[20.0, 40.0, 60.0]), [2e-4, 0.005], 7);
-        let f = fit(&samples, &with(Surface::Auto)).unwrap();
+        let f = fit(&samples, &with(LobeChoice::Auto)).unwrap();
         assert_eq!((f.lobe.name(), &f.misfit), (Lobe::of(kind, 1.5).name(), &None), "{:?}", f.evidence);
         for other in LobeKind::iter().filter(|other| *other != kind) {
-            let said = status(&samples, &with(Surface::Of(other)));
+            let said = status(&samples, &with(LobeChoice::Of(other)));
             assert!(said.contains(&format!("--lobe {kind}")), "{kind} by {other}: {said}");
         }
     }
@@ -148,9 +148,9 @@ fn lobes_that_cannot_be_told_apart_are_tied_and_their_values_differ() {
     // Few directions near the zenith, much noise: Fresnel's reflectance is the same everywhere.
     let directions: Vec<_> = rings(&[20.0]).into_iter().filter(|d| d[1][0] < 50.0).collect();
     let samples = True { m: 0.25, ..PLAIN }.table(&directions, [2e-3, 0.0], 4);
-    let f = fit(&samples, &with(Surface::Auto)).unwrap();
+    let f = fit(&samples, &with(LobeChoice::Auto)).unwrap();
     assert!(!f.tied.is_empty(), "{:?}", f.evidence);
-    let said = status(&samples, &with(Surface::Auto));
+    let said = status(&samples, &with(LobeChoice::Auto));
     assert!(said.starts_with("undetermined: ") && said.contains("rho_s") && said.contains("equally well"), "{said}");
 }
 
@@ -161,7 +161,7 @@ fn a_lobe_that_nobody_stated_widens_the_errors() {
     let directions: Vec<_> = rings(&[20.0, 40.0]).into_iter().filter(|d| d[1][0] < 50.0).collect();
     for seed in 0..6 {
         let samples = True { m: 0.25, ..COATED }.table(&directions, [4e-3, 0.0], seed);
-        let f = fit(&samples, &Settings::default()).unwrap();
+        let f = fit(&samples, &GlossFitSettings::default()).unwrap();
         let off = [(f.m - 0.25) / f.m_err, f.tilt[0] / f.tilt_err[0], f.tilt[1] / f.tilt_err[1]];
         assert!(f.better.is_some() || off.iter().all(|o| o.abs() < 4.0), "{seed}: {off:?} {:?}", f.evidence);
     }
@@ -171,7 +171,7 @@ fn a_lobe_that_nobody_stated_widens_the_errors() {
 fn an_index_that_was_taken_for_granted_is_questioned() {
     let of = |index: f64| {
         let samples = True { index, ..COATED }.table(&rings(&[20.0, 40.0, 60.0]), [3e-4, 0.01], 3);
-        status(&samples, &with(Surface::Of(LobeKind::CookTorrance)))
+        status(&samples, &with(LobeChoice::Of(LobeKind::CookTorrance)))
     };
     assert_eq!(of(1.45), "ok");
     for index in [1.3, 1.6] {
@@ -189,9 +189,9 @@ fn rounded_tables_of_the_right_lobe_are_ok() {
         if decimals < 17 {
             samples.iter_mut().flat_map(|s| &mut s.values).for_each(|v| *v = (*v / unit).round() * unit);
         }
-        let f = fit(&samples, &Settings::default()).unwrap();
+        let f = fit(&samples, &GlossFitSettings::default()).unwrap();
         assert!((f.m / PLAIN.m - 1.0).abs() < tolerance && (f.rho_s / PLAIN.rho_s - 1.0).abs() < tolerance, "{f:?}");
-        assert_eq!(status(&samples, &Settings::default()), "ok", "{decimals}");
+        assert_eq!(status(&samples, &GlossFitSettings::default()), "ok", "{decimals}");
     }
 }
 
@@ -201,15 +201,15 @@ fn azimuths_count_from_one_axis() {
     let turned = 70.0;
     let directions: Vec<_> = rings(&[30.0, 50.0]).into_iter().map(|d| d.map(|[z, a]| [z, a + turned])).collect();
     let samples = PLAIN.table(&directions, [0.0; 2], 0);
-    let f = fit(&samples, &with(Surface::Of(LobeKind::Beckmann))).unwrap();
+    let f = fit(&samples, &with(LobeChoice::Of(LobeKind::Beckmann))).unwrap();
     let near = |a: f64, b: f64| (a - b).abs() < 1e-6;
     assert!(
         near(f.m, PLAIN.m) && near(f.rho_s, PLAIN.rho_s) && (0..2).all(|k| near(f.tilt[k], PLAIN.tilt[k])),
         "{f:?}"
     );
     // A negative zenith angle lies opposite.
-    let a = Sample::from_angles(0.5, -0.3, 1.0, vec![]);
-    let b = Sample::from_angles(0.5, 0.3, 1.0 + PI, vec![]);
+    let a = GlossSample::from_angles(0.5, -0.3, 1.0, vec![]);
+    let b = GlossSample::from_angles(0.5, 0.3, 1.0 + PI, vec![]);
     assert!((0..3).all(|k| near(a.view[k], b.view[k])));
 }
 
@@ -223,7 +223,8 @@ fn a_scan_in_one_plane_leaves_only_the_tilt_across_open() {
         let truth = True { tilt: [0.05 * cos, 0.05 * sin], ..PLAIN };
         let mut inside = 0;
         for seed in 0..10 {
-            let f = fit(&truth.table(&directions, [1e-3, 0.0], seed), &with(Surface::Of(LobeKind::Beckmann))).unwrap();
+            let f =
+                fit(&truth.table(&directions, [1e-3, 0.0], seed), &with(LobeChoice::Of(LobeKind::Beckmann))).unwrap();
             assert!(f.misfit.is_none() && f.taken.is_some(), "{f:?}");
             assert_eq!([f.tilt_err[0].is_infinite(), f.tilt_err[1].is_infinite()], [turned != 0.0, turned != 90.0]);
             assert!(f.m_err < 0.02 * f.m && f.rho_s_err < 0.05 * f.rho_s);
@@ -238,10 +239,10 @@ fn a_scan_in_one_plane_leaves_only_the_tilt_across_open() {
 #[test]
 fn a_level_leaf_may_be_stated() {
     let samples = True { tilt: [0.0; 2], ..PLAIN }.table(&rings(&[30.0]), [1e-3, 0.0], 3);
-    for tilts in [Tilts::Level, Tilts::Along] {
-        let f = fit(&samples, &Settings { tilts, ..with(Surface::Of(LobeKind::Beckmann)) }).unwrap();
+    for tilts in [TiltChoice::Level, TiltChoice::Along] {
+        let f = fit(&samples, &GlossFitSettings { tilts, ..with(LobeChoice::Of(LobeKind::Beckmann)) }).unwrap();
         assert_eq!((f.tilt[1], f.tilt_err[1]), (0.0, 0.0));
-        assert_eq!((f.tilt[0] == 0.0, f.tilt_err[0] == 0.0), (tilts == Tilts::Level, tilts == Tilts::Level));
+        assert_eq!((f.tilt[0] == 0.0, f.tilt_err[0] == 0.0), (tilts == TiltChoice::Level, tilts == TiltChoice::Level));
         assert!((f.m - PLAIN.m).abs() < 4.0 * f.m_err);
     }
 }
@@ -249,7 +250,7 @@ fn a_level_leaf_may_be_stated() {
 /// Grazing views tell the index; near the zenith only ρs times a constant is seen.
 #[test]
 fn an_index_is_fitted_or_named() {
-    let settings = Settings { index: None, ..with(Surface::Of(LobeKind::CookTorrance)) };
+    let settings = GlossFitSettings { index: None, ..with(LobeChoice::Of(LobeKind::CookTorrance)) };
     let truth = True { index: 1.38, ..COATED };
     let samples = truth.table(&rings(&[20.0, 40.0, 60.0, 75.0]), [2e-4, 0.004], 1);
     let f = fit(&samples, &settings).unwrap();
@@ -264,39 +265,39 @@ fn an_index_is_fitted_or_named() {
 #[test]
 fn impossible_leaves_are_not_ok() {
     let clean = PLAIN.table(&rings(&[30.0]), [5e-4, 0.0], 2);
-    let scaled = |by: f64| -> Vec<Sample> {
-        clean.iter().map(|s| Sample { values: s.values.iter().map(|v| by * v).collect(), ..s.clone() }).collect()
+    let scaled = |by: f64| -> Vec<GlossSample> {
+        clean.iter().map(|s| GlossSample { values: s.values.iter().map(|v| by * v).collect(), ..s.clone() }).collect()
     };
-    let said = status(&scaled(100.0), &Settings::default());
+    let said = status(&scaled(100.0), &GlossFitSettings::default());
     assert!(said.starts_with("refused: a reflects ") && said.contains("--percent"), "{said}");
-    let said = status(&scaled(12.0), &Settings::default());
+    let said = status(&scaled(12.0), &GlossFitSettings::default());
     assert!(said.starts_with("undetermined: rho_d_a rho_d_b rho_s") && said.contains("per cent"), "{said}");
-    let said = status(&scaled(0.01), &Settings { percent: true, ..Settings::default() });
+    let said = status(&scaled(0.01), &GlossFitSettings { percent: true, ..GlossFitSettings::default() });
     assert!(said.starts_with("refused: ") && said.contains("leave --percent out"), "{said}");
 
-    let opposite: Vec<Sample> =
-        clean.iter().map(|s| Sample { view: [-s.view[0], -s.view[1], s.view[2]], ..s.clone() }).collect();
-    let said = status(&opposite, &Settings::default());
+    let opposite: Vec<GlossSample> =
+        clean.iter().map(|s| GlossSample { view: [-s.view[0], -s.view[1], s.view[2]], ..s.clone() }).collect();
+    let said = status(&opposite, &GlossFitSettings::default());
     assert!(said.starts_with("undetermined: ") && said.contains("--mirror-azimuth 0"), "{said}");
     // The mirror side on the other side of a low source: a lean of 12° only, straight towards the source.
     let low = PLAIN.table(&rings(&[12.0]), [2e-4, 0.0], 2);
-    let low: Vec<Sample> =
-        low.iter().map(|s| Sample { view: [-s.view[0], -s.view[1], s.view[2]], ..s.clone() }).collect();
-    let said = status(&low, &Settings::default());
+    let low: Vec<GlossSample> =
+        low.iter().map(|s| GlossSample { view: [-s.view[0], -s.view[1], s.view[2]], ..s.clone() }).collect();
+    let said = status(&low, &GlossFitSettings::default());
     assert!(said.contains("--mirror-azimuth 0"), "{said}");
 
     let leaning = True { tilt: [-0.5, 0.2], ..PLAIN }.table(&rings(&[30.0, 45.0]), [5e-4, 0.0], 2);
-    let said = status(&leaning, &Settings::default());
+    let said = status(&leaning, &GlossFitSettings::default());
     assert!(said.contains("leans by 31 degrees") && said.contains("--mirror-azimuth 180"), "{said}");
-    assert_eq!(status(&leaning, &Settings { mirror_azimuth: Some(180), ..Settings::default() }), "ok");
+    assert_eq!(status(&leaning, &GlossFitSettings { mirror_azimuth: Some(180), ..GlossFitSettings::default() }), "ok");
 }
 
 #[test]
 fn one_reading_that_does_not_belong_is_named() {
     let mut samples = PLAIN.table(&rings(&[30.0]), [1e-3, 0.0], 5);
-    assert_eq!(status(&samples, &Settings::default()), "ok");
+    assert_eq!(status(&samples, &GlossFitSettings::default()), "ok");
     samples[17].values[0] += 0.02;
-    let said = status(&samples, &Settings::default());
+    let said = status(&samples, &GlossFitSettings::default());
     assert!(said.contains("standard deviations from the rest") && !said.starts_with("ok"), "{said}");
 }
 
@@ -306,7 +307,7 @@ fn columns_of_one_direction_may_share_errors() {
     let (mut inside, runs) = (0, 40);
     for seed in 0..runs {
         let mut samples = PLAIN.table(&rings(&[30.0, 50.0]), [1e-4, 0.0], seed);
-        let mut noise = Noise::new(900 + seed);
+        let mut noise = GaussianDeviates::new(900 + seed);
         for s in &mut samples {
             let by = 2e-3 * noise.normal();
             s.values.iter_mut().for_each(|v| *v += by);
@@ -325,5 +326,5 @@ fn a_reading_that_cannot_be_costs_itself() {
     assert!(sample(&[30.0, 90.0, 0.0, 0.1, 0.1], &names).unwrap_err().contains("view_zenith_deg is 90"));
     assert!(sample(&[30.0, -40.0, 0.0, 0.1, f64::NAN], &names).is_ok());
     assert!(sample(&[30.0, 40.0, 0.0, 0.1, -0.4], &names).unwrap_err().contains("b is -0.4"));
-    assert!(matches!(answer(&[], &names, &Settings::default()).status, Status::Refused(_)));
+    assert!(matches!(answer(&[], &names, &GlossFitSettings::default()).status, Status::Refused(_)));
 }

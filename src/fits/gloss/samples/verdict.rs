@@ -2,7 +2,7 @@
 //! are determined.
 
 use super::leaf::Leaf;
-use super::{Sample, SamplesFit, Settings, Surface, TILT, Tilts};
+use super::{GlossFitSettings, GlossSample, GlossSampleFit, LobeChoice, TILT, TiltChoice};
 use crate::gloss::normal_of;
 use mesophyll_files::table::Status;
 use mesophyll_optics::gloss::{LobeKind, dot};
@@ -14,10 +14,10 @@ const PER_CENT: f64 = 1.5;
 
 /// Why the readings are no reflectance factors, if so.
 pub(super) fn not_reflectance(
-    samples: &[Sample],
-    f: &SamplesFit,
+    samples: &[GlossSample],
+    f: &GlossSampleFit,
     values: &[String],
-    settings: &Settings,
+    settings: &GlossFitSettings,
 ) -> Option<String> {
     let most = samples.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).copied().fold(0.0, f64::max);
     if settings.percent {
@@ -36,7 +36,7 @@ pub(super) struct Suspicion(Option<String>);
 
 impl Suspicion {
     /// Tries the conventions of azimuth that other tables have.
-    pub fn of(samples: &[Sample], f: &SamplesFit, settings: &Settings) -> Suspicion {
+    pub fn of(samples: &[GlossSample], f: &GlossSampleFit, settings: &GlossFitSettings) -> Suspicion {
         // Who states the convention knows it.
         if settings.mirror_azimuth.is_some() {
             return Suspicion(None);
@@ -44,16 +44,16 @@ impl Suspicion {
         let lean = f.leaning();
         let normal = normal_of(f.tilt);
         let angle = |a: [f64; 3], b: [f64; 3]| dot(a, b).clamp(-1.0, 1.0).acos();
-        let zenith = |s: &Sample| angle(s.light, [0.0, 0.0, 1.0]);
+        let zenith = |s: &GlossSample| angle(s.light, [0.0, 0.0, 1.0]);
         // A mirror side on the wrong side looks like a normal that points at the source.
-        let facing = |s: &Sample| zenith(s) > 0.05 && angle(s.light, normal) < 0.4 * zenith(s);
+        let facing = |s: &GlossSample| zenith(s) > 0.05 && angle(s.light, normal) < 0.4 * zenith(s);
         let turned = samples.iter().any(|s| s.light[1].abs() > 0.01 || s.light[0] < -0.01);
         let doubtful = lean > LEANS || f.misfit.is_some() || samples.iter().any(facing) || (turned && lean > 0.14);
         if !doubtful {
             return Suspicion(None);
         }
-        let better = |change: &dyn Fn(&Sample) -> Sample| {
-            let other: Vec<Sample> = samples.iter().map(change).collect();
+        let better = |change: &dyn Fn(&GlossSample) -> GlossSample| {
+            let other: Vec<GlossSample> = samples.iter().map(change).collect();
             let kind = LobeKind::from(f.lobe);
             Leaf::fit(&other, f.rho_d.len(), kind, settings).is_ok_and(|leaf| {
                 let there = leaf.report();
@@ -61,10 +61,10 @@ impl Suspicion {
                 flatter || there.rms < 0.5 * f.rms
             })
         };
-        let opposite = |s: &Sample| Sample { view: [-s.view[0], -s.view[1], s.view[2]], ..s.clone() };
-        let relative = |s: &Sample| {
+        let opposite = |s: &GlossSample| GlossSample { view: [-s.view[0], -s.view[1], s.view[2]], ..s.clone() };
+        let relative = |s: &GlossSample| {
             let across = s.light[0].hypot(s.light[1]);
-            Sample { light: [across, 0.0, s.light[2]], ..s.clone() }
+            GlossSample { light: [across, 0.0, s.light[2]], ..s.clone() }
         };
         let mut why = String::new();
         // A lobe that does not describe the leaf may lean for that.
@@ -91,10 +91,10 @@ impl Suspicion {
 
 /// The status of a fitted leaf.
 pub(super) fn status(
-    f: &SamplesFit,
+    f: &GlossSampleFit,
     values: &[String],
-    samples: &[Sample],
-    settings: &Settings,
+    samples: &[GlossSample],
+    settings: &GlossFitSettings,
     suspicion: &Suspicion,
 ) -> Status {
     let mut reasons: Vec<String> = Vec::new();
@@ -104,7 +104,7 @@ pub(super) fn status(
         let better = match (&f.better, settings.surface) {
             (Some((kind, true)), _) => format!("; --lobe {kind} describes it"),
             (Some((kind, false)), _) => format!("; --lobe {kind} describes it better, but not to its noise either"),
-            (None, Surface::Auto) => "; no other lobe does".into(),
+            (None, LobeChoice::Auto) => "; no other lobe does".into(),
             _ => String::new(),
         };
         reasons.push(format!("the model does not describe this leaf: {why}{better}"));
@@ -142,7 +142,7 @@ pub(super) fn status(
     }
     name(all || unsure(f.rho_s_err, f.rho_s), "rho_s");
     name(all || slope_ends || unsure(f.m_err, f.m), "m");
-    let stated = [settings.tilts == Tilts::Level, settings.tilts != Tilts::Free];
+    let stated = [settings.tilts == TiltChoice::Level, settings.tilts != TiltChoice::Free];
     for (k, tilt) in ["tilt", "tilt_y"].into_iter().enumerate() {
         let open = f.tilt[k].abs() >= TILT - 1e-9 || unsure(f.tilt_err[k], f.tilt[k].abs().max(0.35));
         name((all && !stated[k]) || open, tilt);
@@ -165,7 +165,7 @@ pub(super) fn status(
 }
 
 /// What no leaf has.
-fn impossible(f: &SamplesFit, values: &[String], samples: &[Sample]) -> Option<String> {
+fn impossible(f: &GlossSampleFit, values: &[String], samples: &[GlossSample]) -> Option<String> {
     let (k, most) = f.rho_d.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
     let sure = |value: f64, error: f64| value - 2.0 * if error.is_finite() { error } else { 0.0 } > 1.0;
     if sure(*most, f.rho_d_err[k]) {

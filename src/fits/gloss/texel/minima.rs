@@ -1,10 +1,10 @@
 //! Where the descent of a texel starts, and the search among other minima: a narrow tilted lobe, a wide one and none at
 //! all can look alike.
 
-use super::descend::bounded;
+use super::descent::bounded;
 use super::{CONVERGED, Job, State};
-use crate::gloss::project::{self, NONLINEAR};
-use mesophyll_base::solve::Termination;
+use crate::gloss::projection::{self, NONLINEAR};
+use mesophyll_base::solvers::Termination;
 
 /// A starting slope above this is doubted.
 const WIDE: f64 = 0.9;
@@ -21,7 +21,7 @@ impl Job<'_> {
         let noise = [0, 1, 2].map(|c| self.noise.terms(c));
         let mut p = [0.3f64.ln(), 0.0, 0.0];
         let ws = &mut *self.ws;
-        project::weigh_by_samples(self.fitter.level, noise, &ws.y, &ws.used, &mut ws.w, &mut ws.sum);
+        projection::weigh_by_samples(self.fitter.level, noise, &ws.y, &ws.used, &mut ws.w, &mut ws.sum);
         let mut from = 0;
         for (k, pass) in self.fitter.passes[..self.tilts].iter().enumerate() {
             let range = from..from + pass.light.frames();

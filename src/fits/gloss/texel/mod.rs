@@ -2,20 +2,20 @@
 //! takes its weights from the model. Then come outliers (`outliers.rs`), the question whether there is a lobe at all,
 //! the errors and the verdict (`report.rs`).
 
-mod descend;
-mod described;
+mod adequacy;
+mod descent;
 mod minima;
 mod state;
 
-pub(super) use descend::bounded;
+pub(super) use descent::bounded;
 pub(super) use state::State;
 
-use super::project::{self, Channel, NONLINEAR};
-use super::start::{Bank, Scratch, Start};
-use super::{Device, NO_LIGHT, ReadingNoise, Robust, TexelFit, normal_of, normal_slopes};
+use super::projection::{self, ChannelProjection, NONLINEAR};
+use super::start::{GlossFitStart, TemplateBank, TemplateScratch};
+use super::{GlossFitDevice, GlossTexelFit, NO_LIGHT, ReadingNoise, RobustWeighting, normal_of, normal_slopes};
 use mesophyll_base::processor::InstructionSet;
-use mesophyll_optics::tube::fast::{self, COLUMNS, Lit};
-use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_optics::tube::evaluator::{self, COLUMNS, TubeGeometry};
+use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 
 /// The fit ends when the predicted decrease of χ² is below this; the last step is taken linearly. The step is then
 /// below a twentieth of a standard error, and the linear step leaves an error of the order of its square.
@@ -32,25 +32,25 @@ pub(super) const FAINT: [f64; 2] = [400.0, 60.0];
 const ALIKE: [f64; 2] = [-0.98, -0.995];
 
 /// Fits texels of one device; shared by threads.
-pub struct TexelFitter {
-    pub(super) device: Device,
+pub struct GlossTexelFitter {
+    pub(super) device: GlossFitDevice,
     passes: Vec<Pass>,
     pub(super) level: InstructionSet,
     /// How outliers among the samples are treated.
-    pub robust: Robust,
+    pub robust: RobustWeighting,
     /// Standard deviation (rad) of the tilt that a one-pass fit cannot see. The possible effect of such a tilt on the
     /// other parameters widens their errors.
     pub unseen: f64,
 }
 
 struct Pass {
-    light: fast::Pass,
-    bank: Bank,
+    light: evaluator::PassEvaluator,
+    bank: TemplateBank,
 }
 
 /// Scratch of one thread. Columns hold both passes, each padded to whole vectors.
 #[derive(Debug, Default)]
-pub struct Workspace {
+pub struct GlossFitWorkspace {
     pub(super) columns: [Vec<f64>; COLUMNS],
     pub(super) y: [Vec<f64>; 3],
     pub(super) w: [Vec<f64>; 3],
@@ -58,40 +58,45 @@ pub struct Workspace {
     pub(super) used: [Vec<f64>; 3],
     /// Sum of the channels and its variance (infinite where one is missing).
     sum: [Vec<f64>; 2],
-    lit: [Lit; 2],
-    match_scratch: Scratch,
-    starts: Vec<Start>,
+    lit: [TubeGeometry; 2],
+    match_scratch: TemplateScratch,
+    starts: Vec<GlossFitStart>,
 }
 
-impl TexelFitter {
+impl GlossTexelFitter {
     /// `pass_x_positions_mm` and `pass_y_positions_mm` are the tube's positions along the travel (mm), one for each
     /// frame. Pass y is optional.
-    pub fn new(device: &Device, pass_x_positions_mm: &[f64], pass_y_positions_mm: Option<&[f64]>) -> Self {
-        Self::with_precision(device, pass_x_positions_mm, pass_y_positions_mm, &Precision::default())
+    pub fn new(device: &GlossFitDevice, pass_x_positions_mm: &[f64], pass_y_positions_mm: Option<&[f64]>) -> Self {
+        Self::with_precision(device, pass_x_positions_mm, pass_y_positions_mm, &TubePrecision::default())
     }
 
     /// The same with a stated quadrature.
-    pub fn with_precision(device: &Device, x_mm: &[f64], y_mm: Option<&[f64]>, precision: &Precision) -> Self {
+    pub fn with_precision(
+        device: &GlossFitDevice,
+        x_mm: &[f64],
+        y_mm: Option<&[f64]>,
+        precision: &TubePrecision,
+    ) -> Self {
         Self::with_bank(device, x_mm, y_mm, precision, 1.0)
     }
 
     /// The same with a template bank `fineness` times as fine in either parameter.
     pub fn with_bank(
-        device: &Device,
+        device: &GlossFitDevice,
         x_mm: &[f64],
         y_mm: Option<&[f64]>,
-        precision: &Precision,
+        precision: &TubePrecision,
         fineness: f64,
     ) -> Self {
         let level = InstructionSet::detect();
-        let model = Model::new(device.tube(), device.camera, device.lobe, precision);
+        let model = TubeModel::new(device.tube(), device.camera, device.lobe, precision);
         let pass = |travel: Travel, positions: &[f64], range: [f64; 2]| Pass {
-            light: fast::Pass::new(&model, travel, positions, precision.along, level),
-            bank: Bank::new(device, travel, positions, range, fineness),
+            light: evaluator::PassEvaluator::new(&model, travel, positions, precision.along, level),
+            bank: TemplateBank::new(device, travel, positions, range, fineness),
         };
         let mut passes = vec![pass(Travel::X, x_mm, [-0.35, 0.6])];
         passes.extend(y_mm.map(|y| pass(Travel::Y, y, [-0.6, 0.6])));
-        TexelFitter { device: device.clone(), passes, level, robust: Robust::default(), unseen: 0.0 }
+        GlossTexelFitter { device: device.clone(), passes, level, robust: RobustWeighting::default(), unseen: 0.0 }
     }
 
     /// Templates of the first pass.
@@ -100,19 +105,19 @@ impl TexelFitter {
     }
 
     /// Room for fits of this device and these positions. Each thread needs its own.
-    pub fn workspace(&self) -> Workspace {
-        Workspace::default()
+    pub fn workspace(&self) -> GlossFitWorkspace {
+        GlossFitWorkspace::default()
     }
 
     /// Fits one texel at `texel_mm` on the blade; samples in frame order, NaN (or infinite) = no reading. A channel
     /// without a single reading stays out of the fit and is returned as NaN.
     pub fn fit(
         &self,
-        ws: &mut Workspace,
+        ws: &mut GlossFitWorkspace,
         texel_mm: [f64; 2],
         trace_x: &[[f32; 3]],
         trace_y: Option<&[[f32; 3]]>,
-    ) -> TexelFit {
+    ) -> GlossTexelFit {
         self.fit_under(&self.device.noise(), ws, texel_mm, trace_x, trace_y)
     }
 
@@ -120,17 +125,17 @@ impl TexelFitter {
     pub fn fit_under(
         &self,
         noise: &ReadingNoise,
-        ws: &mut Workspace,
+        ws: &mut GlossFitWorkspace,
         texel_mm: [f64; 2],
         trace_x: &[[f32; 3]],
         trace_y: Option<&[[f32; 3]]>,
-    ) -> TexelFit {
+    ) -> GlossTexelFit {
         let given = [Some(trace_x), trace_y];
         let tilts = given.iter().flatten().count();
         let matches = tilts <= self.passes.len()
             && self.passes.iter().zip(given).all(|(p, t)| t.is_none_or(|t| t.len() == p.light.frames()));
         if !matches {
-            return TexelFit::refused("the traces and the tube positions differ in length");
+            return GlossTexelFit::refused("the traces and the tube positions differ in length");
         }
         let mut job = Job {
             fitter: self,
@@ -150,9 +155,9 @@ impl TexelFitter {
 
 /// One texel being fitted.
 pub(super) struct Job<'a> {
-    pub fitter: &'a TexelFitter,
+    pub fitter: &'a GlossTexelFitter,
     pub noise: ReadingNoise,
-    pub ws: &'a mut Workspace,
+    pub ws: &'a mut GlossFitWorkspace,
     texel: [f64; 2],
     /// How many passes are in use; as many tilts are fitted.
     pub tilts: usize,
@@ -203,21 +208,21 @@ impl Job<'_> {
         }
     }
 
-    fn run(&mut self) -> TexelFit {
+    fn run(&mut self) -> GlossTexelFit {
         let counts: [usize; 3] = std::array::from_fn(|c| self.ws.used[c].iter().sum::<f64>() as usize);
         let used: usize = counts.iter().sum();
         let channels = counts.iter().filter(|n| **n > 0).count();
         let parameters = 2 * channels + 1 + self.tilts;
         if used == 0 {
-            return TexelFit::refused("no readings");
+            return GlossTexelFit::refused("no readings");
         }
         if used <= parameters || counts.iter().any(|n| *n == 1 || *n == 2) {
-            return TexelFit::refused("too few readings");
+            return GlossTexelFit::refused("too few readings");
         }
         if self.dark(used) {
-            return TexelFit::refused(NO_LIGHT);
+            return GlossTexelFit::refused(NO_LIGHT);
         }
-        let Some(start) = self.start(0) else { return TexelFit::refused("no template fits") };
+        let Some(start) = self.start(0) else { return GlossTexelFit::refused("no template fits") };
         let start = self.doubt(start);
         let mut best = self.climb(start);
         let mut worst = self.weigh(&best.0);
@@ -228,7 +233,7 @@ impl Job<'_> {
             worst = self.weigh(&best.0);
         }
         let mut outliers = 0;
-        if self.fitter.robust != Robust::Off {
+        if self.fitter.robust != RobustWeighting::Off {
             (best.0, best.1, outliers) = self.reject(best.0, best.1, worst);
         }
         // There may be several minima where gloss is faint, where gloss looks like more diffuse light, and where one
@@ -280,8 +285,15 @@ impl Job<'_> {
         let mut worst = 0.0f64;
         for c in 0..3 {
             let rho = [state.channels[c].rho_d, state.channels[c].rho_s];
-            worst =
-                worst.max(project::weigh(level, &ws.columns, rho, noise.terms(c), &ws.y[c], &ws.used[c], &mut ws.w[c]));
+            worst = worst.max(projection::weigh(
+                level,
+                &ws.columns,
+                rho,
+                noise.terms(c),
+                &ws.y[c],
+                &ws.used[c],
+                &mut ws.w[c],
+            ));
         }
         worst
     }
@@ -304,8 +316,9 @@ impl Job<'_> {
     /// The linear solution for the present columns.
     pub fn project(&self, p: [f64; NONLINEAR]) -> State {
         let ws = &*self.ws;
-        let channels: [Channel; 3] =
-            std::array::from_fn(|c| Channel::solve(self.fitter.level, &ws.columns, &ws.y[c], &ws.w[c], self.matte));
+        let channels: [ChannelProjection; 3] = std::array::from_fn(|c| {
+            ChannelProjection::solve(self.fitter.level, &ws.columns, &ws.y[c], &ws.w[c], self.matte)
+        });
         State { p, channels, chi2: channels.iter().map(|c| c.chi2).sum() }
     }
 

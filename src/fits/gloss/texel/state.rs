@@ -1,20 +1,20 @@
 //! Where the fit of a texel stands: its parameters, and what the projection gives for each channel.
 
-use super::super::project::{Channel, NONLINEAR};
+use super::super::projection::{ChannelProjection, NONLINEAR};
 
 /// Where the solver stands.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::gloss) struct State {
     /// ln m, tilt, tilt_y.
     pub p: [f64; NONLINEAR],
-    pub channels: [Channel; 3],
+    pub channels: [ChannelProjection; 3],
     pub chi2: f64,
 }
 
 impl State {
     /// How much χ² would rise if ρs were zero, with ρd refitted and everything else fixed.
     pub fn gloss_chi2(&self) -> f64 {
-        let of = |c: &Channel| {
+        let of = |c: &ChannelProjection| {
             let own = c.ss - if c.dd > 0.0 { c.ds * c.ds / c.dd } else { 0.0 };
             c.rho_s * c.rho_s * own
         };

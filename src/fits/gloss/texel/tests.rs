@@ -1,5 +1,5 @@
 use super::*;
-use crate::gloss::synthetic::{Noise, Truth, device, pass_x, ramp, trace};
+use crate::gloss::synthetic::{GaussianDeviates, GlossFitTruth, device, pass_x, ramp, trace};
 use mesophyll_optics::gloss::Lobe;
 
 #[test]
@@ -7,11 +7,11 @@ fn exact_traces_give_back_the_truth() {
     for lobe in [Lobe::Beckmann, Lobe::Ggx, Lobe::CookTorrance { index: 1.45 }] {
         let d = device(lobe, 0.01);
         let (xs, ys) = (pass_x(100), ramp(-325.0, 325.0, 100));
-        let (one, two) = (TexelFitter::new(&d, &xs, None), TexelFitter::new(&d, &xs, Some(&ys)));
+        let (one, two) = (GlossTexelFitter::new(&d, &xs, None), GlossTexelFitter::new(&d, &xs, Some(&ys)));
         for (m, tilt, texel) in
             [(0.1, [0.05, 0.0], [0.0, 0.0]), (0.3, [-0.1, 0.12], [20.0, -15.0]), (0.05, [0.12, -0.2], [-30.0, 22.0])]
         {
-            let t = Truth { rho_d: [0.06, 0.14, 0.03], rho_s: [0.05, 0.05, 0.06], m, tilt };
+            let t = GlossFitTruth { rho_d: [0.06, 0.14, 0.03], rho_s: [0.05, 0.05, 0.06], m, tilt };
             let tx = trace(&d, Travel::X, &xs, texel, &t, None);
             let ty = trace(&d, Travel::Y, &ys, texel, &t, None);
             let f = two.fit(&mut two.workspace(), texel, &tx, Some(&ty));
@@ -37,18 +37,18 @@ fn exact_traces_give_back_the_truth() {
 /// error relative to what the stated errors allow. A fit fails where it did not converge without saying so, or where it
 /// promises a value that is off by six of its errors.
 fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u64) -> (usize, f64, f64) {
-    use mesophyll_synth::illumination::Device as Scanner;
+    use mesophyll_synth::illumination::TubeDevice as Scanner;
     let d = device(lobe, noise);
     let scanner = Scanner::new(d.tube(), Travel::X, 55.0);
     let xs = pass_x(100);
-    let fitter = TexelFitter::new(&d, &xs, None);
-    let (mut ws, mut rng) = (fitter.workspace(), Noise::new(seed));
+    let fitter = GlossTexelFitter::new(&d, &xs, None);
+    let (mut ws, mut rng) = (fitter.workspace(), GaussianDeviates::new(seed));
     let (mut failed, mut ratios, mut time) = (0, Vec::new(), std::time::Duration::ZERO);
     for k in 0..count {
         let mut u = |a: f64, b: f64| rng.uniform(a, b);
         // With F·G in the model, ρs is larger by about the factor by which F is small.
         let s = u(0.01, 0.1) * if matches!(lobe, Lobe::CookTorrance { .. }) { 15.0 } else { 1.0 };
-        let t = Truth {
+        let t = GlossFitTruth {
             rho_d: [u(0.02, 0.3), u(0.05, 0.4), u(0.02, 0.2)],
             rho_s: [s, 1.1 * s, 0.9 * s],
             m: u(ms[0].ln(), ms[1].ln()).exp(),
@@ -77,7 +77,7 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
             (f.rho_s[1] - t.rho_s[1]) / f.rho_s_err[1],
         ];
         // A texel whose lobe is hidden in the noise is reported as matte: then its m makes no claim.
-        let matte = f.m.is_nan() && f.undetermined.contains(crate::gloss::Undetermined::M);
+        let matte = f.m.is_nan() && f.undetermined.contains(crate::gloss::UndeterminedSet::M);
         if !f.termination.converged() || z.iter().enumerate().any(|(k, v)| !(v.abs() < 6.0 || matte && k == 0)) {
             failed += 1;
             println!(
@@ -118,9 +118,9 @@ fn fits_of_traces_made_by_other_code() {
 fn a_common_level_widens_errors_by_what_it_does() {
     let d = device(Lobe::Beckmann, 0.01);
     let (xs, ys) = (pass_x(80), ramp(-325.0, 325.0, 80));
-    let fitter = TexelFitter::new(&d, &xs, Some(&ys));
+    let fitter = GlossTexelFitter::new(&d, &xs, Some(&ys));
     let texel = [8.0, -5.0];
-    let t = Truth { rho_d: [0.06, 0.14, 0.03], rho_s: [0.05, 0.05, 0.06], m: 0.3, tilt: [0.05, -0.08] };
+    let t = GlossFitTruth { rho_d: [0.06, 0.14, 0.03], rho_s: [0.05, 0.05, 0.06], m: 0.3, tilt: [0.05, -0.08] };
     let (tx, ty) = (trace(&d, Travel::X, &xs, texel, &t, None), trace(&d, Travel::Y, &ys, texel, &t, None));
     let plain = fitter.fit(&mut fitter.workspace(), texel, &tx, Some(&ty));
     let level = 2e-4f32;

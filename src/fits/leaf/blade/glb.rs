@@ -1,7 +1,7 @@
 //! `blade.glb`: the blade as binary glTF 2.0, one double-sided mesh with normals, tangents and texture coordinates. The
 //! buffer is in mm, under a node that scales it to glTF's metres.
 
-use super::Blade;
+use super::BladeMesh;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use serde_json::json;
@@ -13,7 +13,7 @@ const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// Writes the blade, whole or not at all.
-pub fn write(path: &Path, name: &str, blade: &Blade) -> Result<()> {
+pub fn write(path: &Path, name: &str, blade: &BladeMesh) -> Result<()> {
     let mut bin: Vec<u8> = Vec::new();
     let mut views = Vec::new();
     let mut add = |floats: &mut dyn Iterator<Item = f32>, target: u32| {
@@ -74,13 +74,13 @@ mod tests {
 
     #[test]
     fn a_reader_gets_back_what_was_written() {
-        let blade = Blade {
+        let blade = BladeMesh {
             positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.0, 2.0, 0.0]],
             normals: vec![[0.0, 0.0, 1.0]; 3],
             tangents: vec![[1.0, 0.0, 0.0, 1.0]; 3],
             uvs: vec![[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]],
             indices: vec![0, 1, 2],
-            ..Blade::default()
+            ..BladeMesh::default()
         };
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("blade.glb");

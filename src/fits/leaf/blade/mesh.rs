@@ -2,13 +2,13 @@
 //! relief.
 
 use super::outline::{contours, coverage, simplify};
-use super::relief::{Relief, integrate};
-use super::{Grid, bilinear};
+use super::relief::{BladeRelief, integrate};
+use super::{TexelGrid, bilinear};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
 /// The mesh of the blade. Vertices are in mm (x right, y up, z out of the front). Both sides share one triangle list.
 #[derive(Debug, Clone, Default)]
-pub struct Blade {
+pub struct BladeMesh {
     /// Vertices (mm).
     pub positions: Vec<[f32; 3]>,
     /// Unit normals out of the front.
@@ -42,7 +42,12 @@ impl HasPosition for Vertex {
 
 /// Reconstructs the blade. `slopes` are [dz/dx, dz/dy] of each texel, `None` where unknown. `ratio` is the light box's
 /// photograph with the leaf over that without it. `None` when the mask holds no piece large enough to outline.
-pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[Option<[f64; 2]>]) -> Option<Blade> {
+pub fn build(
+    grid: &TexelGrid,
+    mask: &[bool],
+    ratio: Option<&[[f32; 3]]>,
+    slopes: &[Option<[f64; 2]>],
+) -> Option<BladeMesh> {
     let field = coverage(mask, ratio, grid.width, grid.height);
     let mut rings: Vec<Vec<[f64; 2]>> = contours(&field, grid.width, grid.height, 0.5)
         .iter()
@@ -95,7 +100,7 @@ pub fn build(grid: &Grid, mask: &[bool], ratio: Option<&[[f32; 3]]>, slopes: &[O
             }
         }
     }
-    let mut blade = Blade { slope_residual: relief.residual, ..Blade::default() };
+    let mut blade = BladeMesh { slope_residual: relief.residual, ..BladeMesh::default() };
     for v in cdt.vertices() {
         push_vertex(&mut blade, grid, &relief, [v.position().x, v.position().y]);
     }
@@ -146,7 +151,7 @@ fn divided(ring: &[[f64; 2]], spacing: f64, gap: f64, height: impl Fn([f64; 2]) 
     out
 }
 
-fn push_vertex(blade: &mut Blade, grid: &Grid, relief: &Relief, texel: [f64; 2]) {
+fn push_vertex(blade: &mut BladeMesh, grid: &TexelGrid, relief: &BladeRelief, texel: [f64; 2]) {
     let [x, y] = grid.position(texel[0], texel[1]);
     let [p, q] = relief.slope(texel[0], texel[1]);
     let n = 1.0 / (1.0 + p * p + q * q).sqrt();
@@ -194,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_blade_that_is_cut_by_the_images_edge_has_a_rim_as_smooth_as_its_inside() {
-        let grid = Grid { width: 160, height: 120, texel: 0.08 };
+        let grid = TexelGrid { width: 160, height: 120, texel: 0.08 };
         let mask = vec![true; grid.width * grid.height];
         // z = 0.3 sin(1.5 x) + 0.2 cos(2 y) mm: slopes up to 0.45 and 0.4, so no facet leans more than 32 degrees.
         let slopes: Vec<_> = (0..grid.width * grid.height)
@@ -240,7 +245,7 @@ mod tests {
 
     #[test]
     fn an_ellipse_with_a_hole_becomes_a_mesh_of_its_area() {
-        let grid = Grid { width: 120, height: 90, texel: 0.5 };
+        let grid = TexelGrid { width: 120, height: 90, texel: 0.5 };
         let on = |x: f64, y: f64| (x / 25.0).powi(2) + (y / 18.0).powi(2) < 1.0 && (x - 5.0).hypot(y) > 4.0;
         let (mut mask, mut slopes) = (Vec::new(), Vec::new());
         for k in 0..grid.width * grid.height {

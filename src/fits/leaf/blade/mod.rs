@@ -6,13 +6,13 @@ pub mod mesh;
 pub mod outline;
 pub mod relief;
 
-pub use mesh::Blade;
+pub use mesh::BladeMesh;
 
 use mesophyll_capture::manifest::texel_position;
 
 /// A square grid of texels on the blade.
 #[derive(Debug, Clone, Copy)]
-pub struct Grid {
+pub struct TexelGrid {
     /// Columns.
     pub width: usize,
     /// Rows.
@@ -21,7 +21,7 @@ pub struct Grid {
     pub texel: f64,
 }
 
-impl Grid {
+impl TexelGrid {
     /// Texel coordinates (column, row; integers at centres) → position on the blade (mm).
     pub fn position(&self, column: f64, row: f64) -> [f64; 2] {
         let [x, y] = texel_position(self.width, self.height, self.texel, 0, 0);

@@ -1,14 +1,14 @@
 //! Relief: the heights whose slopes agree best with the measured normals, by least squares over neighbouring cells,
 //! solved with conjugate gradients.
 
-use super::Grid;
+use super::TexelGrid;
 
 /// Longest side of the grid that heights are solved on.
 const CELLS: usize = 256;
 
 /// Heights on a coarse grid over the blade.
 #[derive(Debug, Clone)]
-pub struct Relief {
+pub struct BladeRelief {
     /// Columns of cells.
     pub width: usize,
     /// Rows of cells.
@@ -26,7 +26,7 @@ pub struct Relief {
 }
 
 /// Integrates slopes `[dz/dx, dz/dy]` (dimensionless; `None` off the leaf or at defects).
-pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
+pub fn integrate(grid: &TexelGrid, slopes: &[Option<[f64; 2]>]) -> BladeRelief {
     let block = grid.width.max(grid.height).div_ceil(CELLS).max(1);
     let (w, h) = (grid.width.div_ceil(block), grid.height.div_ceil(block));
     let mut sum = vec![[0.0f64; 3]; w * h];
@@ -78,7 +78,7 @@ pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
         let plane: Vec<f64> = slope.iter().map(|s| s[axis]).collect();
         blur(&plane, w, h, sigma).iter().zip(&weight).map(|(s, w)| s / w.max(1e-9)).collect::<Vec<f64>>()
     });
-    if let Some(source) = crate::leaf_folder::fill::sources(&on, w, h) {
+    if let Some(source) = crate::leaf_folder::filling::sources(&on, w, h) {
         for (k, &from) in source.iter().enumerate() {
             let from = from as usize;
             let (dx, dy) = ((k % w) as f64 - (from % w) as f64, (from / w) as f64 - (k / w) as f64);
@@ -88,7 +88,7 @@ pub fn integrate(grid: &Grid, slopes: &[Option<[f64; 2]>]) -> Relief {
         }
     }
     let z = blur(&z, w, h, sigma);
-    Relief { width: w, height: h, block, z, slope, residual }
+    BladeRelief { width: w, height: h, block, z, slope, residual }
 }
 
 /// Separable Gaussian blur of standard deviation `sigma` cells, normalised at the borders.
@@ -165,7 +165,7 @@ fn conjugate_gradients(n: usize, pairs: &[(usize, usize, f64)]) -> Vec<f64> {
     z
 }
 
-impl Relief {
+impl BladeRelief {
     fn cell(&self, column: f64, row: f64) -> [f64; 2] {
         let b = self.block as f64;
         [(column + 0.5) / b - 0.5, (row + 0.5) / b - 0.5]
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn a_plane_stays_a_plane_to_its_edge() {
-        let grid = Grid { width: 64, height: 48, texel: 0.5 };
+        let grid = TexelGrid { width: 64, height: 48, texel: 0.5 };
         let slopes: Vec<Option<[f64; 2]>> =
             (0..64 * 48).map(|k| (k % 64 > 8 && k % 64 < 50).then_some([0.1, -0.2])).collect();
         let relief = integrate(&grid, &slopes);
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_dome_comes_back_from_its_slopes() {
-        let grid = Grid { width: 90, height: 70, texel: 0.5 };
+        let grid = TexelGrid { width: 90, height: 70, texel: 0.5 };
         let z = |x: f64, y: f64| 3.0 - 0.02 * x * x - 0.03 * y * y + 0.4 * (0.3 * x).sin();
         let inside = |x: f64, y: f64| (x / 20.0).powi(2) + (y / 15.0).powi(2) < 1.0;
         let slopes: Vec<Option<[f64; 2]>> = (0..90 * 70)

@@ -1,12 +1,12 @@
 //! Faults of the light box's photographs, and frames that hold too few values.
 
-use super::through::{THROUGH, View, against_frames, energy, fault, moved_box, turned};
+use super::transmittance::{THROUGH, TransmittanceView, against_frames, energy, fault, moved_box, turned};
 use crate::Result;
-use crate::leaf::interior::Fitted;
-use crate::leaf::noise::Level;
+use crate::leaf::interior::LeafSideFit;
+use crate::leaf::noise::CameraNoise;
 use crate::leaf::outliers::median;
-use crate::record::fault::{Fault, Grade};
-use mesophyll_capture::reader::Capture;
+use crate::record::fault::{FaultGrade, MeasurementFault};
+use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::image::read_exr_rows;
 use std::collections::HashSet;
 
@@ -25,7 +25,7 @@ const LEVELS: usize = 280;
 ///
 /// # Errors
 /// Photographs that cannot be read.
-pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fault>> {
+pub fn look(capture: &TubeCapture, level: &CameraNoise, sides: &[LeafSideFit]) -> Result<Vec<MeasurementFault>> {
     let mut out = Vec::new();
     let m = &capture.manifest;
     let names: Vec<&str> = sides.iter().map(|s| s.side.name()).collect();
@@ -41,10 +41,10 @@ pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fa
             let maps = read_exr_rows(path, Some(&["R", "G", "B"]), None)?;
             let share = maps.channels.iter().map(|(_, v)| at_the_top(v)).fold(0.0, f64::max);
             saturated |= share > SATURATED;
-            if share > SATURATED && !out.iter().any(|f: &Fault| f.says.starts_with(called)) {
+            if share > SATURATED && !out.iter().any(|f: &MeasurementFault| f.says.starts_with(called)) {
                 out.push(fault(
                     "box-saturated",
-                    Grade::Wrong,
+                    FaultGrade::Wrong,
                     &whom,
                     &THROUGH,
                     format!(
@@ -63,7 +63,8 @@ pub fn look(capture: &Capture, level: &Level, sides: &[Fitted]) -> Result<Vec<Fa
     // A photograph that does not fit its own frames does not fit that of the other side either.
     let known = out.iter().any(|f| ["box-mirrored", "box-shifted"].contains(&f.name.as_str()));
     if let ([front, back], false) = (sides, known) {
-        let turned = || turned(&View::of(front), &View::of(back), m.width, "back/lightbox.exr");
+        let turned =
+            || turned(&TransmittanceView::of(front), &TransmittanceView::of(back), m.width, "back/lightbox.exr");
         out.extend(moved_box([front, back], m.width).or_else(turned));
     }
     Ok(out)
@@ -81,7 +82,7 @@ fn at_the_top(values: &[f32]) -> f64 {
 }
 
 /// The light beside the leaf, with it and without.
-fn beside(fitted: &Fitted, width: usize, level: &Level) -> Option<Fault> {
+fn beside(fitted: &LeafSideFit, width: usize, level: &CameraNoise) -> Option<MeasurementFault> {
     let mask = &fitted.measured.mask;
     let height = mask.len() / width;
     let clear = |k: usize| {
@@ -111,7 +112,7 @@ fn beside(fitted: &Fitted, width: usize, level: &Level) -> Option<Fault> {
     let side = fitted.side.name();
     Some(fault(
         "box-exposure",
-        Grade::Wrong,
+        FaultGrade::Wrong,
         &[side],
         &THROUGH,
         format!(
@@ -122,7 +123,7 @@ fn beside(fitted: &Fitted, width: usize, level: &Level) -> Option<Fault> {
 }
 
 /// Frames that hold few different values.
-fn coarse(capture: &Capture, fitted: &Fitted) -> Result<Option<Fault>> {
+fn coarse(capture: &TubeCapture, fitted: &LeafSideFit) -> Result<Option<MeasurementFault>> {
     let m = &capture.manifest;
     for pass in &m.passes {
         let count = pass.positions().len();
@@ -146,7 +147,7 @@ fn coarse(capture: &Capture, fitted: &Fitted) -> Result<Option<Fault>> {
             let side = fitted.side.name();
             return Ok(Some(fault(
                 "few-values",
-                Grade::Doubtful,
+                FaultGrade::Doubtful,
                 &[side],
                 &[],
                 format!(

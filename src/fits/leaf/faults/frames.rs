@@ -5,9 +5,9 @@
 //! frames around it and not with zero: what counts is how far it stands out from the median of three frames on either
 //! side, in units of how far the other frames do.
 
-use super::sample::{Readings, Sample};
+use super::sample::{PassReadings, TexelSample};
 use crate::leaf::outliers::median;
-use crate::record::fault::{Fault, Grade};
+use crate::record::fault::{FaultGrade, MeasurementFault};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 use std::collections::HashSet;
@@ -31,7 +31,7 @@ const FEW: f64 = 0.125;
 
 /// What is wrong with a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Wrong {
+pub enum FrameDefect {
     /// No reading in this share of the texels.
     Unread(f64),
     /// This many times as bright as the frames beside it.
@@ -50,36 +50,36 @@ pub enum Wrong {
 
 /// A frame that is wrong, and what is wrong with it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct FrameFault {
     pub side: Side,
     pub travel: Travel,
     pub frame: usize,
-    pub wrong: Wrong,
+    pub wrong: FrameDefect,
 }
 
 /// Looks at every frame of a side.
-pub fn look(sample: &Sample) -> Vec<Found> {
+pub fn look(sample: &TexelSample) -> Vec<FrameFault> {
     sample.passes.iter().flat_map(|pass| of_pass(sample, pass)).collect()
 }
 
-fn of_pass(sample: &Sample, pass: &Readings) -> Vec<Found> {
+fn of_pass(sample: &TexelSample, pass: &PassReadings) -> Vec<FrameFault> {
     let (texels, frames) = (sample.texels.len(), pass.frames());
-    let found = |frame: usize, wrong: Wrong| Found { side: sample.side, travel: pass.travel, frame, wrong };
+    let found = |frame: usize, wrong: FrameDefect| FrameFault { side: sample.side, travel: pass.travel, frame, wrong };
     let copies = copies(pass, texels);
     let sums: Vec<Sums> = (0..frames).map(|k| Sums::of(sample, pass, k)).collect();
     let read: Vec<f64> = sums.iter().map(|s| s.readings as f64 / (3 * texels) as f64).collect();
-    let mut out: Vec<Found> = Vec::new();
+    let mut out: Vec<FrameFault> = Vec::new();
     let unread: Vec<usize> = (0..frames).filter(|&k| read[k] < READ * around(&read, k, &[])).collect();
     let mut wrong: Vec<usize> = unread.clone();
-    out.extend(unread.iter().map(|&k| found(k, Wrong::Unread(1.0 - read[k]))));
+    out.extend(unread.iter().map(|&k| found(k, FrameDefect::Unread(1.0 - read[k]))));
     if copies.len() as f64 > (FEW * frames as f64).max(2.0) {
-        out.push(found(copies[0].1, Wrong::Repeated(copies.len() + 1)));
+        out.push(found(copies[0].1, FrameDefect::Repeated(copies.len() + 1)));
         return out;
     }
     for (k, first) in copies {
         if !wrong.contains(&k) {
             wrong.push(k);
-            out.push(found(k, Wrong::Copy(first)));
+            out.push(found(k, FrameDefect::Copy(first)));
         }
     }
     // A frame that stands out must not hide its neighbours, so those already found are left out of their medians.
@@ -116,7 +116,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(sample: &Sample, pass: &Readings, k: usize) -> Sums {
+    fn of(sample: &TexelSample, pass: &PassReadings, k: usize) -> Sums {
         let (mut readings, mut chi2) = (0, 0.0);
         let (mut products, mut squares) = ([0.0; 3], [0.0; 3]);
         for n in 0..sample.texels.len() {
@@ -160,7 +160,7 @@ fn scatter(values: &[f64], but: &[usize]) -> f64 {
 
 /// Frames that hold the same picture as an earlier one. The camera's values are compared, because every frame has a
 /// gain of its own.
-fn copies(pass: &Readings, texels: usize) -> Vec<(usize, usize)> {
+fn copies(pass: &PassReadings, texels: usize) -> Vec<(usize, usize)> {
     let same = |j: usize, k: usize| {
         (0..texels).all(|n| {
             let (a, b) = (pass.raw(n, j), pass.raw(n, k));
@@ -178,7 +178,7 @@ fn copies(pass: &Readings, texels: usize) -> Vec<(usize, usize)> {
 }
 
 /// What is wrong with a frame that stands out. Predictions for every place of the tube are compared with it.
-fn name(sample: &Sample, pass: &Readings, sums: &[Sums], k: usize, wrong: &[usize]) -> Wrong {
+fn name(sample: &TexelSample, pass: &PassReadings, sums: &[Sums], k: usize, wrong: &[usize]) -> FrameDefect {
     let step = sample.texels.len().div_ceil(400).max(1);
     // Mean square residual of frame k's readings, `gain` times the prediction for frame j's place.
     let cost = |j: usize, gain: [f64; 3]| {
@@ -208,31 +208,31 @@ fn name(sample: &Sample, pass: &Readings, sums: &[Sums], k: usize, wrong: &[usiz
     // A cause is named where it takes away most of what the frame's residuals have more than its neighbours'.
     let explains = |cost: f64| own - cost > 0.6 * (own - beside);
     if gain < 0.02 {
-        Wrong::Gain(gain.max(0.0))
+        FrameDefect::Gain(gain.max(0.0))
     } else if explains(elsewhere) && elsewhere < brighter {
-        Wrong::Shows(there)
+        FrameDefect::Shows(there)
     } else if explains(brighter) {
-        Wrong::Gain(gain)
+        FrameDefect::Gain(gain)
     } else if explains(channels) {
         let odd = (0..3).max_by(|a, b| {
             let off = |c: &usize| (sums[k].channels[*c] - 1.0).abs();
             off(a).total_cmp(&off(b))
         });
-        Wrong::Channel(odd.unwrap_or(0), sums[k].channels[odd.unwrap_or(0)])
+        FrameDefect::Channel(odd.unwrap_or(0), sums[k].channels[odd.unwrap_or(0)])
     } else {
-        Wrong::Unlike
+        FrameDefect::Unlike
     }
 }
 
 /// The faults of what was found on all sides. `whites`: whether the capture has white frames.
-pub fn faults(found: &[Found], whites: bool) -> Vec<Fault> {
+pub fn faults(found: &[FrameFault], whites: bool) -> Vec<MeasurementFault> {
     let mut out = Vec::new();
     let mut said: Vec<usize> = Vec::new();
     for (n, f) in found.iter().enumerate() {
         if said.contains(&n) {
             continue;
         }
-        let same = |g: &&(usize, &Found)| g.1.travel == f.travel && g.1.side != f.side && g.1.frame == f.frame;
+        let same = |g: &&(usize, &FrameFault)| g.1.travel == f.travel && g.1.side != f.side && g.1.frame == f.frame;
         let other = found.iter().enumerate().collect::<Vec<_>>();
         let twin = other.iter().find(same).copied();
         let pass = f.travel.name();
@@ -240,8 +240,9 @@ pub fn faults(found: &[Found], whites: bool) -> Vec<Fault> {
         let here = format!("{file}: frame {} of pass {pass} of the {}", f.frame, f.side.name());
         let mut sides = vec![f.side.name().to_string()];
         let (name, says) = match f.wrong {
-            Wrong::Gain(gain) if gain >= 0.02 => {
-                let both = twin.filter(|(_, g)| matches!(g.wrong, Wrong::Gain(h) if (h / gain).ln().abs() < 0.05));
+            FrameDefect::Gain(gain) if gain >= 0.02 => {
+                let both =
+                    twin.filter(|(_, g)| matches!(g.wrong, FrameDefect::Gain(h) if (h / gain).ln().abs() < 0.05));
                 if let (true, Some((at, _))) = (whites, both) {
                     said.push(at);
                     sides = vec!["front".into(), "back".into()];
@@ -266,10 +267,10 @@ pub fn faults(found: &[Found], whites: bool) -> Vec<Fault> {
                     )
                 }
             }
-            Wrong::Gain(_) => {
+            FrameDefect::Gain(_) => {
                 ("frame-dark", format!("{here} shows no light (lamp off, or shutter shut); its readings are outliers"))
             }
-            Wrong::Channel(c, gain) => (
+            FrameDefect::Channel(c, gain) => (
                 "frame-brightness",
                 format!(
                     "{here}: its channel {} is {gain:.2} times as bright as in the frames beside it; its readings are \
@@ -277,24 +278,27 @@ pub fn faults(found: &[Found], whites: bool) -> Vec<Fault> {
                     ["R", "G", "B"][c]
                 ),
             ),
-            Wrong::Unread(share) => (
+            FrameDefect::Unread(share) => (
                 "frame-unread",
                 format!(
                     "{here} has no reading in {:.0} % of the texels (saturated in every exposure, or damaged)",
                     100.0 * share
                 ),
             ),
-            Wrong::Copy(first) => (
+            FrameDefect::Copy(first) => (
                 "frame-copied",
                 format!("{here} is a copy of frame {first}: a picture was stored twice; its readings tell nothing new"),
             ),
-            Wrong::Repeated(count) => (
+            FrameDefect::Repeated(count) => (
                 "frame-copied",
                 format!("{here} is the same picture as {} other frames of its pass: the tube did not move", count - 1),
             ),
-            Wrong::Shows(there) => {
+            FrameDefect::Shows(there) => {
                 let back = other.iter().find(|(_, g)| {
-                    g.side == f.side && g.travel == f.travel && g.frame == there && g.wrong == Wrong::Shows(f.frame)
+                    g.side == f.side
+                        && g.travel == f.travel
+                        && g.frame == there
+                        && g.wrong == FrameDefect::Shows(f.frame)
                 });
                 if let Some((at, _)) = back {
                     said.push(*at);
@@ -317,7 +321,7 @@ pub fn faults(found: &[Found], whites: bool) -> Vec<Fault> {
                     )
                 }
             }
-            Wrong::Unlike => (
+            FrameDefect::Unlike => (
                 "frame-unlike",
                 format!(
                     "{here} is unlike the frames beside it (a reflection, a shadow, or a shake); its readings are far \
@@ -325,7 +329,7 @@ pub fn faults(found: &[Found], whites: bool) -> Vec<Fault> {
                 ),
             ),
         };
-        out.push(Fault { name: name.into(), grade: Grade::Doubtful, sides, spoils: Vec::new(), says });
+        out.push(MeasurementFault { name: name.into(), grade: FaultGrade::Doubtful, sides, spoils: Vec::new(), says });
     }
     out
 }

@@ -8,27 +8,27 @@
 mod boxes;
 mod causes;
 mod frames;
-mod moved;
+mod movement;
 mod refit;
 mod sample;
 mod sentences;
-pub mod through;
+pub mod transmittance;
 mod trials;
-mod white;
+mod white_frames;
 
-pub use trials::Bias;
+pub use trials::TrialBias;
 
 use crate::Result;
-use crate::leaf::interior::Fitted;
-use crate::leaf::noise::Level;
+use crate::leaf::interior::LeafSideFit;
+use crate::leaf::noise::CameraNoise;
 use crate::leaf::outliers::median;
-use crate::record::fault::{Fault, Grade};
-use crate::record::scan::Scan;
-use mesophyll_capture::inspect::{Inspection, mirror};
-use mesophyll_capture::reader::Capture;
+use crate::record::fault::{FaultGrade, MeasurementFault};
+use crate::record::scan::ScanRecord;
+use mesophyll_capture::inspection::{TubeInspection, mirror};
+use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::tube::Travel;
-use sample::Sample;
-use trials::Trials;
+use sample::TexelSample;
+use trials::FaultTrials;
 
 /// Thickness (mm) of leaves: filmy ferns have .01, succulents some millimetres.
 const THICKNESS_MM: std::ops::RangeInclusive<f64> = 0.01..=8.0;
@@ -38,11 +38,11 @@ const NOISE: f64 = 0.1;
 
 /// What was found in a scan.
 #[derive(Debug, Default)]
-pub struct Findings {
+pub struct ScanFindings {
     /// The faults, each once.
-    pub faults: Vec<Fault>,
+    pub faults: Vec<MeasurementFault>,
     /// For each side, how far the fitted texels are from those under the cause that explains its traces.
-    pub bias: Vec<Bias>,
+    pub bias: Vec<TrialBias>,
     /// For each side, the residuals over the noise where no cause explains them; 1 elsewhere.
     pub scale: Vec<f64>,
     /// Noise of the readings over the stated noise, from the differences between neighbouring texels. They share the
@@ -54,17 +54,22 @@ pub struct Findings {
 ///
 /// # Errors
 /// Frames that cannot be read.
-pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> Result<Findings> {
-    let mut out = Findings::default();
+pub fn look(
+    capture: &TubeCapture,
+    scan: &ScanRecord,
+    level: &CameraNoise,
+    sides: &[LeafSideFit],
+) -> Result<ScanFindings> {
+    let mut out = ScanFindings::default();
     let m = &capture.manifest;
     let names: Vec<&str> = sides.iter().map(|s| s.side.name()).collect();
-    let whites = white::look(capture, level);
+    let whites = white_frames::look(capture, level);
     let boxes = boxes::look(capture, level, sides)?;
     let coarse = boxes.iter().any(|f| f.name == "few-values");
     let (mut single, mut causes, mut rest) = (Vec::new(), Vec::new(), Vec::new());
     for fitted in sides {
-        let Some(sample) = Sample::read(capture, scan, fitted, level)? else {
-            out.bias.push(Bias::default());
+        let Some(sample) = TexelSample::read(capture, scan, fitted, level)? else {
+            out.bias.push(TrialBias::default());
             out.scale.push(1.0);
             out.noise.push(None);
             continue;
@@ -78,11 +83,11 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
         };
         let wrong = |travel: Travel, frame: usize| found.iter().any(|f| f.travel == travel && f.frame == frame);
         let dark = sample.texels.iter().map(dark).collect();
-        let trials = Trials::new(scan, &sample, dark, noise.unwrap_or(1.0).max(1.0).powi(2), wrong);
+        let trials = FaultTrials::new(scan, &sample, dark, noise.unwrap_or(1.0).max(1.0).powi(2), wrong);
         single.extend(found);
         if coarse || !whites.causes.is_empty() {
             // The traces are off for a reason that is known.
-            out.bias.push(Bias::default());
+            out.bias.push(TrialBias::default());
             out.scale.push(trials.before().sqrt().max(1.0));
             continue;
         }
@@ -90,15 +95,15 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
         out.scale.push(if outcome.unexplained { outcome.before.sqrt() } else { 1.0 });
         out.bias.push(outcome.bias);
         if outcome.unexplained {
-            let moved = moved::look(&sample, &trials, m.texel_mm);
+            let moved = movement::look(&sample, &trials, m.texel_mm);
             rest.push(moved.unwrap_or_else(|| sentences::unexplained(fitted.side, &outcome)));
         }
         causes.push((fitted.side, outcome));
     }
     out.faults.extend(sentences::faults(&causes, scan, m, &whites));
-    if coarse || out.faults.iter().any(|f| f.grade == Grade::Wrong) {
+    if coarse || out.faults.iter().any(|f| f.grade == FaultGrade::Wrong) {
         // Frames stand out for the same reason; those without readings, or with those of another, for their own.
-        use frames::Wrong::{Copy, Repeated, Unread};
+        use frames::FrameDefect::{Copy, Repeated, Unread};
         single.retain(|f| matches!(f.wrong, Unread(_) | Copy(_) | Repeated(_)));
     }
     out.faults.extend(rest);
@@ -113,12 +118,12 @@ pub fn look(capture: &Capture, scan: &Scan, level: &Level, sides: &[Fitted]) -> 
 }
 
 /// A thickness that no leaf has, of a field of capture.toml or a scan of the leaf's height.
-pub fn thickness(what: &str, h: f64, sides: &[&str]) -> Option<Fault> {
+pub fn thickness(what: &str, h: f64, sides: &[&str]) -> Option<MeasurementFault> {
     let guess = if h > *THICKNESS_MM.end() { "µm or tenths of a mm taken for mm" } else { "cm or m taken for mm" };
     (!THICKNESS_MM.contains(&h)).then(|| {
-        through::fault(
+        transmittance::fault(
             "thickness",
-            Grade::Wrong,
+            FaultGrade::Wrong,
             sides,
             &["sigma_a", "sigma_s", "thickness"],
             format!(
@@ -132,7 +137,7 @@ pub fn thickness(what: &str, h: f64, sides: &[&str]) -> Option<Fault> {
 }
 
 /// Noise that is not as stated, by the traces' roughness and by the differences of neighbouring texels.
-fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Option<Fault> {
+fn stated_noise(level: &CameraNoise, beside: &[Option<f64>], sides: &[LeafSideFit]) -> Option<MeasurementFault> {
     let beside: Vec<f64> = beside.iter().flatten().copied().collect();
     let rough = level.seen.filter(|_| !beside.is_empty())?;
     // Each of the two may be larger than the noise for another reason, so the smaller one is believed; pictures that
@@ -147,9 +152,9 @@ fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Opti
         return None;
     };
     let effect = if off > 1.0 { "errors are too small by as much" } else { "errors are too large by as much" };
-    Some(Fault {
+    Some(MeasurementFault {
         name: name.into(),
-        grade: Grade::Doubtful,
+        grade: FaultGrade::Doubtful,
         sides: sides.iter().map(|s| s.side.name().into()).collect(),
         spoils: Vec::new(),
         says: format!(
@@ -160,12 +165,12 @@ fn stated_noise(level: &Level, beside: &[Option<f64>], sides: &[Fitted]) -> Opti
 }
 
 /// A mirror strip that contradicts the stated device.
-fn mirror(capture: &Capture, sides: &[Fitted]) -> Option<Fault> {
-    let mut looked = Inspection::default();
+fn mirror(capture: &TubeCapture, sides: &[LeafSideFit]) -> Option<MeasurementFault> {
+    let mut looked = TubeInspection::default();
     mirror::look(&capture.folder, &capture.manifest, &mut looked);
-    looked.mirror.iter().any(|check| !check.agrees).then(|| Fault {
+    looked.mirror.iter().any(|check| !check.agrees).then(|| MeasurementFault {
         name: "mirror".into(),
-        grade: Grade::Wrong,
+        grade: FaultGrade::Wrong,
         sides: sides.iter().map(|s| s.side.name().into()).collect(),
         spoils: ["rho_s", "m", "normal"].map(String::from).to_vec(),
         says: looked.warnings.join("; ").replace(&format!("{}/", capture.folder.display()), ""),
@@ -173,7 +178,7 @@ fn mirror(capture: &Capture, sides: &[Fitted]) -> Option<Fault> {
 }
 
 /// Noise over the stated noise: the robust scatter of differences between residuals of neighbouring texels.
-fn noise(sample: &Sample) -> Option<f64> {
+fn noise(sample: &TexelSample) -> Option<f64> {
     let mut differences = Vec::new();
     for pass in &sample.passes {
         for (n, beside) in sample.beside.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! A texel fitted again, from a start of its own, to readings and a device that differ from those of the fit.
 
-use super::sample::Readings;
+use super::sample::PassReadings;
 use crate::gloss::{normal_of, normal_slopes};
-use crate::leaf::held_out::{Predictor, Scratch, Texel};
+use crate::leaf::held_out::{FramePredictor, PredictionScratch, TexelParameters};
 use mesophyll_optics::tube::Travel;
 use nalgebra::{SMatrix, SVector};
 
@@ -14,25 +14,31 @@ type Vector = SVector<f64, PARAMETERS>;
 type Matrix = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
 /// Value and inverse standard deviation, by frame and channel.
-pub type Data = Vec<[[f64; 2]; 3]>;
+pub type FrameReadings = Vec<[[f64; 2]; 3]>;
 
 /// One pass as it is under a cause.
-pub struct Pass<'a> {
-    pub predictor: Predictor,
+pub struct PassHypothesis<'a> {
+    pub predictor: FramePredictor,
     pub travel: Travel,
     /// Passes that came before it.
     pub before: usize,
     /// Frames of those passes.
     pub first: usize,
     pub positions: Vec<f64>,
-    pub readings: &'a Readings,
+    pub readings: &'a PassReadings,
     pub used: &'a [bool],
 }
 
 /// Levenberg–Marquardt from `start`. Returns χ² and the texel.
-pub fn descend(scratch: &mut Scratch, start: Texel, at: [f64; 2], passes: &[Pass], data: &[Data]) -> (f64, Texel) {
+pub fn descend(
+    scratch: &mut PredictionScratch,
+    start: TexelParameters,
+    at: [f64; 2],
+    passes: &[PassHypothesis],
+    data: &[FrameReadings],
+) -> (f64, TexelParameters) {
     let tilts = passes.len().min(2);
-    let texel = |p: &Vector| Texel {
+    let texel = |p: &Vector| TexelParameters {
         rho_d: [p[0], p[1], p[2]],
         rho_s: [p[3], p[4], p[5]],
         m: p[6].exp(),
@@ -82,12 +88,12 @@ pub fn descend(scratch: &mut Scratch, start: Texel, at: [f64; 2], passes: &[Pass
 
 /// χ², the normal matrix and the (descending) gradient.
 fn sums(
-    scratch: &mut Scratch,
+    scratch: &mut PredictionScratch,
     p: &Vector,
-    texel: &Texel,
+    texel: &TexelParameters,
     at: [f64; 2],
-    passes: &[Pass],
-    data: &[Data],
+    passes: &[PassHypothesis],
+    data: &[FrameReadings],
     tilts: usize,
 ) -> (f64, Matrix, Vector) {
     let (mut chi2, mut normal, mut gradient) = (0.0, Matrix::zeros(), Vector::zeros());

@@ -3,11 +3,11 @@
 
 use crate::Result;
 use crate::gloss::ReadingNoise;
-use crate::leaf::held_out::{Predictor, Scratch, Texel, texel_of};
-use crate::leaf::interior::Fitted;
-use crate::leaf::noise::Level;
-use crate::record::scan::Scan;
-use mesophyll_capture::reader::Capture;
+use crate::leaf::held_out::{FramePredictor, PredictionScratch, TexelParameters, texel_of};
+use crate::leaf::interior::LeafSideFit;
+use crate::leaf::noise::CameraNoise;
+use crate::record::scan::ScanRecord;
+use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
@@ -19,23 +19,23 @@ const TEXELS: usize = 2400;
 const BLOCKS: [usize; 2] = [32, 8];
 
 /// Sampled texels of one side.
-pub struct Sample {
+pub struct TexelSample {
     pub side: Side,
     /// Column and row.
     pub texels: Vec<[u32; 2]>,
     /// Place on the blade (mm).
     pub at: Vec<[f64; 2]>,
-    pub fitted: Vec<Texel>,
+    pub fitted: Vec<TexelParameters>,
     pub noise: Vec<ReadingNoise>,
     /// The sampled texel to the right of each, and the one above it (towards +y).
     pub beside: Vec<[Option<usize>; 2]>,
     /// Which of the texels lies in a column and row.
     place: HashMap<[u32; 2], usize>,
-    pub passes: Vec<Readings>,
+    pub passes: Vec<PassReadings>,
 }
 
 /// The readings of one pass: texel by texel, and frame by frame within a texel.
-pub struct Readings {
+pub struct PassReadings {
     pub travel: Travel,
     /// Places of the tube (mm).
     pub positions: Vec<f64>,
@@ -45,7 +45,7 @@ pub struct Readings {
     pub gain: Vec<[f32; 3]>,
 }
 
-impl Readings {
+impl PassReadings {
     /// How many frames there are.
     pub fn frames(&self) -> usize {
         self.positions.len()
@@ -65,12 +65,17 @@ impl Readings {
     }
 }
 
-impl Sample {
+impl TexelSample {
     /// Reads the sample; `None` where no texel has been fitted.
     ///
     /// # Errors
     /// Frames that cannot be read.
-    pub fn read(capture: &Capture, scan: &Scan, fitted: &Fitted, level: &Level) -> Result<Option<Sample>> {
+    pub fn read(
+        capture: &TubeCapture,
+        scan: &ScanRecord,
+        fitted: &LeafSideFit,
+        level: &CameraNoise,
+    ) -> Result<Option<TexelSample>> {
         let m = &capture.manifest;
         let Some(texel) = texel_of(&fitted.maps) else { return Ok(None) };
         let known: Vec<bool> = (0..fitted.mask.len()).map(|k| fitted.measured.mask[k] && texel(k).is_some()).collect();
@@ -82,7 +87,7 @@ impl Sample {
         let place: HashMap<[u32; 2], usize> = texels.iter().enumerate().map(|(n, t)| (*t, n)).collect();
         let beside =
             |t: &[u32; 2]| [[t[0] + 1, t[1]], [t[0], t[1].wrapping_sub(1)]].map(|next| place.get(&next).copied());
-        let mut sample = Sample {
+        let mut sample = TexelSample {
             side: fitted.side,
             at: texels.iter().map(|t| m.texel_position(t[0] as usize, t[1] as usize)).collect(),
             fitted: texels.iter().filter_map(|t| texel(index(t))).collect(),
@@ -107,7 +112,7 @@ impl Sample {
     /// The readings of frame `k` of a pass where texel `n` lies in a picture that is shifted to the right and upwards,
     /// between texels by their weights, and the variance of that mean over a reading's. `None` where the sample does
     /// not reach so far.
-    pub fn shifted(&self, pass: &Readings, n: usize, k: usize, shift: [f64; 2]) -> Option<([f32; 3], f64)> {
+    pub fn shifted(&self, pass: &PassReadings, n: usize, k: usize, shift: [f64; 2]) -> Option<([f32; 3], f64)> {
         let (mut sum, mut variance) = ([0.0; 3], 0.0);
         let [right, up] = shift.map(f64::floor);
         for (b, a) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
@@ -128,12 +133,18 @@ impl Sample {
     }
 }
 
-fn readings(capture: &Capture, scan: &Scan, sample: &Sample, travel: Travel, positions: Vec<f64>) -> Result<Readings> {
+fn readings(
+    capture: &TubeCapture,
+    scan: &ScanRecord,
+    sample: &TexelSample,
+    travel: Travel,
+    positions: Vec<f64>,
+) -> Result<PassReadings> {
     let frames: Vec<usize> = (0..positions.len()).collect();
-    let predictor = Predictor::new(scan, travel, &positions);
+    let predictor = FramePredictor::new(scan, travel, &positions);
     let predicted: Vec<[f32; 3]> = (0..sample.texels.len())
         .into_par_iter()
-        .map_init(Scratch::default, |scratch, n| predictor.values(scratch, &sample.fitted[n], sample.at[n]))
+        .map_init(PredictionScratch::default, |scratch, n| predictor.values(scratch, &sample.fitted[n], sample.at[n]))
         .flat_map_iter(|values| values.into_iter().map(|v| v.map(|v| v as f32)))
         .collect();
     let mut gain = Vec::new();
@@ -160,7 +171,7 @@ fn readings(capture: &Capture, scan: &Scan, sample: &Sample, travel: Travel, pos
         }
         from = to;
     }
-    Ok(Readings { travel, positions, measured, predicted, gain })
+    Ok(PassReadings { travel, positions, measured, predicted, gain })
 }
 
 /// Texels of the sample, row by row: all of a small leaf, else blocks of 3 × 3 on an even grid.

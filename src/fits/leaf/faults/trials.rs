@@ -3,12 +3,12 @@
 //! coding of the frames, a pass in reverse. The cause that explains most of what is left is the likely one, and its
 //! amount is found on the way. Causes that explain it equally well are all named.
 
-use super::causes::{Cause, Coding, Family, When, device, place};
-use super::refit::{Data, PARAMETERS, Pass, descend};
-use super::sample::{Readings, Sample};
-use crate::leaf::held_out::{Predictor, Scratch, Texel};
-use crate::record::scan::Scan;
-use mesophyll_capture::calibrate::white_response;
+use super::causes::{CauseFamily, FaultCause, FrameCoding, LightChange, device, place};
+use super::refit::{FrameReadings, PARAMETERS, PassHypothesis, descend};
+use super::sample::{PassReadings, TexelSample};
+use crate::leaf::held_out::{FramePredictor, PredictionScratch, TexelParameters};
+use crate::record::scan::ScanRecord;
+use mesophyll_capture::calibration::white_response;
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
@@ -30,7 +30,7 @@ const TIE: f64 = 0.04;
 
 /// How far a quantity of the texels is from what it is under the right cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Bias {
+pub struct TrialBias {
     /// Relative root mean square difference of ρd.
     pub rho_d: f64,
     /// Relative root mean square difference of ρs.
@@ -43,7 +43,7 @@ pub struct Bias {
 
 /// What the trials of one side found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
+pub struct TrialOutcome {
     /// Reduced χ² of the texels as they were fitted.
     pub before: f64,
     /// Under the best cause.
@@ -53,15 +53,15 @@ pub struct Outcome {
     /// χ² is above the noise, and no cause explains it.
     pub unexplained: bool,
     /// The causes that explain it, best first; empty where none does.
-    pub causes: Vec<Cause>,
+    pub causes: Vec<FaultCause>,
     /// How far the fitted texels are from those under the best cause.
-    pub bias: Bias,
+    pub bias: TrialBias,
 }
 
 /// The scan's device and readings, and the texels that are fitted again.
-pub struct Trials<'a> {
-    scan: &'a Scan,
-    pub(super) sample: &'a Sample,
+pub struct FaultTrials<'a> {
+    scan: &'a ScanRecord,
+    pub(super) sample: &'a TexelSample,
     /// Dark level of each texel, in the camera's values.
     dark: Vec<[f64; 3]>,
     pub(super) noise: f64,
@@ -70,12 +70,12 @@ pub struct Trials<'a> {
     used: Vec<Vec<bool>>,
 }
 
-impl<'a> Trials<'a> {
+impl<'a> FaultTrials<'a> {
     /// `wrong(pass, frame)`: frames that are left out; `dark`: the dark level of each sampled texel; `noise`: the true
     /// variance of the noise over the stated one.
     pub fn new(
-        scan: &'a Scan,
-        sample: &'a Sample,
+        scan: &'a ScanRecord,
+        sample: &'a TexelSample,
         dark: Vec<[f64; 3]>,
         noise: f64,
         wrong: impl Fn(Travel, usize) -> bool,
@@ -83,26 +83,26 @@ impl<'a> Trials<'a> {
         let step = sample.texels.len().div_ceil(TEXELS).max(1);
         let chosen = (step / 2..sample.texels.len()).step_by(step).collect();
         let used = sample.passes.iter().map(|p| (0..p.frames()).map(|k| !wrong(p.travel, k)).collect()).collect();
-        Trials { scan, sample, dark, noise, chosen, used }
+        FaultTrials { scan, sample, dark, noise, chosen, used }
     }
 
     /// Reduced χ² of the texels as they are.
     pub fn before(&self) -> f64 {
-        self.fit(Cause::None, 1).chi2
+        self.fit(FaultCause::None, 1).chi2
     }
 
     /// Tries every cause where the texels' χ² is above the noise by more than chance. A few texels choose the likely
     /// causes, more of them find their amounts, and all decide.
-    pub fn search(&self) -> Outcome {
+    pub fn search(&self) -> TrialOutcome {
         let noise = self.noise;
-        let base = self.fit(Cause::None, 1);
-        let mut out = Outcome {
+        let base = self.fit(FaultCause::None, 1);
+        let mut out = TrialOutcome {
             before: base.chi2,
             after: base.chi2,
             noise,
             unexplained: false,
             causes: Vec::new(),
-            bias: Bias::default(),
+            bias: TrialBias::default(),
         };
         let chance = 6.0 * (2.0 / base.freedom).sqrt() * noise;
         let excess = base.chi2 - noise;
@@ -111,7 +111,7 @@ impl<'a> Trials<'a> {
         if !(excess > chance.max(LEAST * noise) && residual > PRECISION) {
             return out;
         }
-        let mut coarse: Vec<(f64, Family, usize)> = self
+        let mut coarse: Vec<(f64, CauseFamily, usize)> = self
             .causes()
             .into_iter()
             .map(|family| {
@@ -122,7 +122,7 @@ impl<'a> Trials<'a> {
             .collect();
         coarse.sort_by(|a, b| a.0.total_cmp(&b.0));
         coarse.truncate(REFINED);
-        let mut tried: Vec<(f64, Cause)> = coarse
+        let mut tried: Vec<(f64, FaultCause)> = coarse
             .iter()
             .map(|(_, family, top)| {
                 let cause = self.refine(family, *top);
@@ -142,7 +142,7 @@ impl<'a> Trials<'a> {
     }
 
     /// Every cause that the scan may have, with a range of its amount where it has one.
-    fn causes(&self) -> Vec<Family> {
+    fn causes(&self) -> Vec<CauseFamily> {
         let scan = self.scan;
         let both = self.sample.passes.len() == 2;
         let grid = |from: f64, to: f64, count: usize| {
@@ -152,34 +152,49 @@ impl<'a> Trials<'a> {
         let bright = f64::from(self.bright());
         let far = [-0.3, -0.1, 0.0, 0.1, 0.3];
         let mut list = vec![
-            Family::of(Cause::Camera, grid((scan.camera_deg - 24.0).max(-85.0), (scan.camera_deg + 24.0).min(85.0), 9)),
-            Family::of(Cause::Offset, scaled(bright, &[-0.1, -0.03, -0.01, 0.0, 0.01, 0.03, 0.1, 0.2])),
-            Family::of(|a| Cause::Drift(When::Throughout, a), grid(-0.4, 0.4, 9)),
-            Family::of(|d| Cause::Zero(Travel::X, d), scaled(scan.tube_height_mm, &far)),
-            Family::one(Cause::Reversed(true, false)),
-            Family::one(Cause::Mirrored),
-            Family::one(Cause::Coded(Coding::Srgb)),
-            Family::one(Cause::Coded(Coding::Gamma)),
+            CauseFamily::of(
+                FaultCause::Camera,
+                grid((scan.camera_deg - 24.0).max(-85.0), (scan.camera_deg + 24.0).min(85.0), 9),
+            ),
+            CauseFamily::of(FaultCause::Offset, scaled(bright, &[-0.1, -0.03, -0.01, 0.0, 0.01, 0.03, 0.1, 0.2])),
+            CauseFamily::of(|a| FaultCause::Drift(LightChange::Throughout, a), grid(-0.4, 0.4, 9)),
+            CauseFamily::of(|d| FaultCause::Zero(Travel::X, d), scaled(scan.tube_height_mm, &far)),
+            CauseFamily::one(FaultCause::Reversed(true, false)),
+            CauseFamily::one(FaultCause::Mirrored),
+            CauseFamily::one(FaultCause::Coded(FrameCoding::Srgb)),
+            CauseFamily::one(FaultCause::Coded(FrameCoding::Gamma)),
         ];
         // White frames that fall off as they must have shown already that these are right.
         if self.sample.passes.iter().all(|p| p.gain.is_empty()) {
-            list.push(Family::of(Cause::Height, scaled(scan.tube_height_mm, &[0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.6])));
-            list.push(Family::of(Cause::Length, scaled(scan.tube_length_mm, &[0.25, 0.5, 0.8, 1.0, 1.4, 2.5])));
-            list.push(Family::of(Cause::Texel, scaled(scan.texel_mm, &[0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5])));
+            list.push(CauseFamily::of(
+                FaultCause::Height,
+                scaled(scan.tube_height_mm, &[0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.6]),
+            ));
+            list.push(CauseFamily::of(
+                FaultCause::Length,
+                scaled(scan.tube_length_mm, &[0.25, 0.5, 0.8, 1.0, 1.4, 2.5]),
+            ));
+            list.push(CauseFamily::of(FaultCause::Texel, scaled(scan.texel_mm, &[0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.5])));
         }
         if scan.tube_radius_mm > 0.0 {
-            list.push(Family::of(Cause::Radius, scaled(scan.tube_radius_mm, &[0.05, 0.5, 1.0, 2.0, 4.0, 8.0])));
+            list.push(CauseFamily::of(
+                FaultCause::Radius,
+                scaled(scan.tube_radius_mm, &[0.05, 0.5, 1.0, 2.0, 4.0, 8.0]),
+            ));
         }
         if both {
-            list.push(Family::one(Cause::Reversed(false, true)));
-            list.push(Family::one(Cause::Reversed(true, true)));
-            list.push(Family::one(Cause::Exchanged));
-            list.push(Family::of(|a| Cause::Drift(When::After(Travel::X), a), grid(-0.4, 0.4, 9)));
-            list.push(Family::of(|a| Cause::Drift(When::Before(Travel::X), a), grid(-0.4, 0.4, 9)));
-            list.push(Family::of(|a| Cause::Drift(When::After(Travel::Y), a), grid(-0.4, 0.4, 9)));
-            list.push(Family::of(|a| Cause::Drift(When::Before(Travel::Y), a), grid(-0.4, 0.4, 9)));
-            list.push(Family::of(|g| Cause::Level(Travel::Y, g), vec![0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4, 2.0]));
-            list.push(Family::of(|d| Cause::Zero(Travel::Y, d), scaled(scan.tube_height_mm, &far)));
+            list.push(CauseFamily::one(FaultCause::Reversed(false, true)));
+            list.push(CauseFamily::one(FaultCause::Reversed(true, true)));
+            list.push(CauseFamily::one(FaultCause::Exchanged));
+            list.push(CauseFamily::of(|a| FaultCause::Drift(LightChange::After(Travel::X), a), grid(-0.4, 0.4, 9)));
+            list.push(CauseFamily::of(|a| FaultCause::Drift(LightChange::Before(Travel::X), a), grid(-0.4, 0.4, 9)));
+            list.push(CauseFamily::of(|a| FaultCause::Drift(LightChange::After(Travel::Y), a), grid(-0.4, 0.4, 9)));
+            list.push(CauseFamily::of(|a| FaultCause::Drift(LightChange::Before(Travel::Y), a), grid(-0.4, 0.4, 9)));
+            list.push(CauseFamily::of(
+                |g| FaultCause::Level(Travel::Y, g),
+                vec![0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4, 2.0],
+            ));
+            list.push(CauseFamily::of(|d| FaultCause::Zero(Travel::Y, d), scaled(scan.tube_height_mm, &far)));
         }
         // The lobes that the tube's vector code has.
         let lobes = ["beckmann", "ggx", "cook-torrance"].into_iter().filter_map(|name| name.parse::<LobeKind>().ok());
@@ -187,7 +202,7 @@ impl<'a> Trials<'a> {
             lobes
                 .map(|kind| Lobe::of(kind, 1.45))
                 .filter(|l| l.name() != scan.lobe)
-                .map(|l| Family::one(Cause::Surface(l))),
+                .map(|l| CauseFamily::one(FaultCause::Surface(l))),
         );
         list
     }
@@ -201,7 +216,7 @@ impl<'a> Trials<'a> {
     }
 
     /// The best member of a family around the best point of its grid.
-    fn refine(&self, family: &Family, top: usize) -> Cause {
+    fn refine(&self, family: &CauseFamily, top: usize) -> FaultCause {
         let grid = &family.grid;
         let (mut low, mut high) = (grid[top.saturating_sub(1)], grid[(top + 1).min(grid.len() - 1)]);
         if low == high {
@@ -228,18 +243,18 @@ impl<'a> Trials<'a> {
     }
 
     /// Fits every `step`-th of the chosen texels under a cause.
-    fn fit(&self, cause: Cause, step: usize) -> Fits {
+    fn fit(&self, cause: FaultCause, step: usize) -> Fits {
         self.fit_these(&self.chosen, cause, step)
     }
 
     /// The same for some texels.
-    pub(super) fn fit_these(&self, chosen: &[usize], cause: Cause, step: usize) -> Fits {
+    pub(super) fn fit_these(&self, chosen: &[usize], cause: FaultCause, step: usize) -> Fits {
         let scan = device(self.scan, cause);
-        let passes: Vec<Pass> = self.passes(cause, &scan);
-        let each: Vec<(f64, f64, Texel)> = chosen
+        let passes: Vec<PassHypothesis> = self.passes(cause, &scan);
+        let each: Vec<(f64, f64, TexelParameters)> = chosen
             .par_iter()
             .step_by(step)
-            .map_init(Scratch::default, |scratch, &n| self.fit_texel(scratch, n, cause, &scan, &passes))
+            .map_init(PredictionScratch::default, |scratch, &n| self.fit_texel(scratch, n, cause, &scan, &passes))
             .collect();
         // A texel at the margin or on the stalk may fit no model. It must not speak for the others.
         let mut order: Vec<usize> = (0..each.len()).filter(|n| each[*n].0.is_finite()).collect();
@@ -251,30 +266,30 @@ impl<'a> Trials<'a> {
     }
 
     /// The tube's places and the readings that belong to them.
-    fn passes(&self, cause: Cause, scan: &Scan) -> Vec<Pass<'_>> {
+    fn passes(&self, cause: FaultCause, scan: &ScanRecord) -> Vec<PassHypothesis<'_>> {
         let count = self.sample.passes.len();
         (0..count)
             .map(|p| {
                 let own = &self.sample.passes[p];
-                let exchanged = cause == Cause::Exchanged && count == 2;
+                let exchanged = cause == FaultCause::Exchanged && count == 2;
                 let (readings, used) =
                     if exchanged { (&self.sample.passes[1 - p], &self.used[1 - p]) } else { (own, &self.used[p]) };
                 let mut positions = own.positions.clone();
-                let turned = matches!(cause, Cause::Reversed(x, y) if [x, y][own.travel as usize]);
+                let turned = matches!(cause, FaultCause::Reversed(x, y) if [x, y][own.travel as usize]);
                 if turned {
                     positions.reverse();
                 }
-                if let Cause::Zero(travel, d) = cause
+                if let FaultCause::Zero(travel, d) = cause
                     && travel == own.travel
                 {
                     positions.iter_mut().for_each(|x| *x += d);
                 }
                 positions.truncate(readings.frames());
-                Pass {
-                    predictor: Predictor::new(scan, own.travel, &positions),
+                PassHypothesis {
+                    predictor: FramePredictor::new(scan, own.travel, &positions),
                     travel: own.travel,
                     before: p,
-                    first: self.sample.passes[..p].iter().map(Readings::frames).sum(),
+                    first: self.sample.passes[..p].iter().map(PassReadings::frames).sum(),
                     positions,
                     readings,
                     used,
@@ -286,18 +301,18 @@ impl<'a> Trials<'a> {
     /// χ², degrees of freedom and the texel.
     fn fit_texel(
         &self,
-        scratch: &mut Scratch,
+        scratch: &mut PredictionScratch,
         n: usize,
-        cause: Cause,
-        scan: &Scan,
-        passes: &[Pass],
-    ) -> (f64, f64, Texel) {
+        cause: FaultCause,
+        scan: &ScanRecord,
+        passes: &[PassHypothesis],
+    ) -> (f64, f64, TexelParameters) {
         let at = place(self.sample.at[n], cause, self.scan);
-        let data: Vec<Data> = passes.iter().map(|pass| self.data(n, cause, scan, pass)).collect();
+        let data: Vec<FrameReadings> = passes.iter().map(|pass| self.data(n, cause, scan, pass)).collect();
         let readings: usize = data.iter().map(|d| d.iter().flatten().filter(|r| r[1] > 0.0).count()).sum();
         let parameters = PARAMETERS - (2 - passes.len().min(2));
-        let level = Texel { m: 0.35, normal: [0.0, 0.0, 1.0], ..self.sample.fitted[n] };
-        let mut best: Option<(f64, Texel)> = None;
+        let level = TexelParameters { m: 0.35, normal: [0.0, 0.0, 1.0], ..self.sample.fitted[n] };
+        let mut best: Option<(f64, TexelParameters)> = None;
         for start in [self.sample.fitted[n], level] {
             // Another start is worth its time where the first one has not led to the noise.
             if best.is_some_and(|b| b.0 < 1.3 * self.noise * readings as f64) {
@@ -313,7 +328,7 @@ impl<'a> Trials<'a> {
     }
 
     /// Readings of a texel in one pass under a cause, each with the inverse of its standard deviation (0: none).
-    fn data(&self, n: usize, cause: Cause, scan: &Scan, pass: &Pass) -> Data {
+    fn data(&self, n: usize, cause: FaultCause, scan: &ScanRecord, pass: &PassHypothesis) -> FrameReadings {
         let frames = pass.positions.len();
         let readings = pass.readings;
         let at = self.sample.at[n];
@@ -322,7 +337,7 @@ impl<'a> Trials<'a> {
         (0..frames)
             .map(|k| {
                 let (mut measured, mut spread) = (readings.measured[n * readings.frames() + k], 1.0);
-                if let Cause::Moved(from, shift) = cause
+                if let FaultCause::Moved(from, shift) = cause
                     && pass.first + k >= from
                 {
                     (measured, spread) =
@@ -333,7 +348,7 @@ impl<'a> Trials<'a> {
                 if whites {
                     was = white_response(&self.scan.tube(), readings.travel, readings.positions[k], at);
                     is = white_response(&scan.tube(), pass.travel, pass.positions[k], moved);
-                    if matches!(cause, Cause::Reversed(..) | Cause::Mirrored | Cause::Exchanged) {
+                    if matches!(cause, FaultCause::Reversed(..) | FaultCause::Mirrored | FaultCause::Exchanged) {
                         // The frames are in another order than their white frames.
                         is = was;
                     }
@@ -349,8 +364,8 @@ impl<'a> Trials<'a> {
                     let gain = if whites { f64::from(readings.gain[n * readings.frames() + k][c]) } else { 1.0 };
                     let dark = self.dark[n][c];
                     let change = |y: f64| match cause {
-                        Cause::Offset(a) => y - a,
-                        Cause::Coded(coding) => (coding.linear(y * gain + dark) - dark) / gain,
+                        FaultCause::Offset(a) => y - a,
+                        FaultCause::Coded(coding) => (coding.linear(y * gain + dark) - dark) / gain,
                         _ => y * is / was / light,
                     };
                     // The noise changes with the readings: its slope is that of the change.
@@ -369,11 +384,11 @@ pub(super) struct Fits {
     /// Reduced.
     pub chi2: f64,
     freedom: f64,
-    texels: Vec<Texel>,
+    texels: Vec<TexelParameters>,
 }
 
-fn bias(before: &[Texel], after: &[Texel]) -> Bias {
-    let rms = |difference: &dyn Fn(&Texel, &Texel) -> f64| {
+fn bias(before: &[TexelParameters], after: &[TexelParameters]) -> TrialBias {
+    let rms = |difference: &dyn Fn(&TexelParameters, &TexelParameters) -> f64| {
         let all: Vec<f64> = before.iter().zip(after).map(|(a, b)| difference(a, b)).filter(|v| v.is_finite()).collect();
         // The median keeps a texel without gloss from deciding.
         1.4826 * crate::leaf::outliers::median(all.iter().map(|v| v.abs()).collect())
@@ -383,7 +398,7 @@ fn bias(before: &[Texel], after: &[Texel]) -> Bias {
         x / y - 1.0
     };
     let or_zero = |v: f64| if v.is_finite() { v } else { 0.0 };
-    Bias {
+    TrialBias {
         rho_d: or_zero(rms(&|a, b| relative(a.rho_d, b.rho_d))),
         rho_s: or_zero(rms(&|a, b| relative(a.rho_s, b.rho_s))),
         m: or_zero(rms(&|a, b| a.m / b.m - 1.0)),

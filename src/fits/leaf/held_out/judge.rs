@@ -1,14 +1,17 @@
 //! The judgement at the end of a fit: all held-out frames of a side, read band by band, against their predictions.
 
-use super::stored::{LIGHT_BOX, plane_name, rounded};
-use super::{FARTHEST, HeldOut, LightBox, Predictor, Scan, Scratch, Splits, leverage, texel_of};
+use super::frames::{LIGHT_BOX, plane_name, rounded};
+use super::{
+    FARTHEST, FramePredictor, FrameSplits, HeldOutResiduals, LightBoxResiduals, PredictionScratch, ScanRecord,
+    leverage, texel_of,
+};
 use crate::Result;
-use crate::leaf::curve::{Curve, Incidence};
-use crate::leaf::interior::Fitted;
-use crate::leaf::noise::{self, Level};
+use crate::leaf::curve::{Incidence, ThicknessCurve};
+use crate::leaf::interior::LeafSideFit;
+use crate::leaf::noise::{self, CameraNoise};
 use crate::leaf::outliers;
-use mesophyll_capture::reader::Capture;
-use mesophyll_files::image::Maps;
+use mesophyll_capture::reader::TubeCapture;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::RGB;
 use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
@@ -24,18 +27,18 @@ const STORED_BYTES: usize = 8 << 20;
 
 /// A judged side.
 #[derive(Debug, Default)]
-pub struct Judged {
+pub struct HeldOutJudgement {
     /// Results by pass, for the passes that have held-out frames.
-    pub passes: BTreeMap<String, HeldOut>,
+    pub passes: BTreeMap<String, HeldOutResiduals>,
     /// How well the transmittance is explained; `None` where no texel can tell.
-    pub light_box: Option<LightBox>,
+    pub light_box: Option<LightBoxResiduals>,
     /// What `front_held_out.exr` holds; `None` where nothing was held out.
-    pub stored: Option<Maps>,
+    pub stored: Option<ChannelMaps>,
 }
 
 /// Sums over standardised residuals.
 #[derive(Debug, Clone, Default)]
-pub struct Tally {
+pub struct ResidualTally {
     /// Readings added so far.
     pub readings: usize,
     squares: f64,
@@ -47,7 +50,7 @@ pub struct Tally {
     spread: [f64; 3],
 }
 
-impl Tally {
+impl ResidualTally {
     /// Adds the residuals of one texel. NaN stands for a missing reading.
     pub fn add(&mut self, residuals: impl Iterator<Item = f64>, texel: usize) {
         let (mut s, mut n) = (0.0, 0.0);
@@ -95,17 +98,23 @@ impl Tally {
 ///
 /// # Errors
 /// Frames that cannot be read.
-pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, level: &Level) -> Result<Judged> {
+pub fn judge(
+    capture: &TubeCapture,
+    scan: &ScanRecord,
+    splits: &FrameSplits,
+    fitted: &LeafSideFit,
+    level: &CameraNoise,
+) -> Result<HeldOutJudgement> {
     // Single precision and the slab's curve keep a transmittance only to a few millionths, so less noise than that is
     // not claimed.
     let relative = (level.relative * level.lightbox * std::f64::consts::SQRT_2).max(noise::LEAST_RELATIVE);
-    let mut out = Judged { light_box: light_box(capture, fitted, relative), ..Judged::default() };
+    let mut out = HeldOutJudgement { light_box: light_box(capture, fitted, relative), ..HeldOutJudgement::default() };
     let Some(texel) = texel_of(&fitted.maps).filter(|_| splits.any()) else { return Ok(out) };
     let m = &capture.manifest;
     let at = |k: usize| m.texel_position(k % m.width, k / m.width);
     let good: Vec<_> = fitted.at.iter().filter_map(|&k| Some((at(k as usize), texel(k as usize)?))).collect();
     let expected = leverage::expected(scan, m, splits, &good);
-    let mut stored = Maps::new(m.width.div_ceil(scan.stored_step), m.height.div_ceil(scan.stored_step));
+    let mut stored = ChannelMaps::new(m.width.div_ceil(scan.stored_step), m.height.div_ceil(scan.stored_step));
     for pass in &m.passes {
         let split = splits.of(pass.name);
         if split.held.is_empty() {
@@ -113,8 +122,8 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, l
         }
         let positions: Vec<f64> = split.held.iter().map(|k| pass.positions()[*k]).collect();
         let kept = nearest_the_peak(scan, pass.name, &positions);
-        let predictor = Predictor::new(scan, pass.name, &positions);
-        let (mut all, mut frames) = (Tally::default(), vec![Tally::default(); positions.len()]);
+        let predictor = FramePredictor::new(scan, pass.name, &positions);
+        let (mut all, mut frames) = (ResidualTally::default(), vec![ResidualTally::default(); positions.len()]);
         let mut planes = vec![[vec![f32::NAN; stored.width * stored.height], vec![], vec![]]; kept.len()];
         planes.iter_mut().for_each(|p| (p[1], p[2]) = (p[0].clone(), p[0].clone()));
         for first in (0..m.height).step_by(ROWS) {
@@ -130,7 +139,7 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, l
             let residuals: Vec<Option<Vec<[f64; 3]>>> = list
                 .par_iter()
                 .enumerate()
-                .map_init(Scratch::default, |scratch, (n, &k)| {
+                .map_init(PredictionScratch::default, |scratch, (n, &k)| {
                     let values = predictor.values(scratch, &texel(k)?, at(k));
                     let z = |(f, v): (usize, &[f64; 3])| {
                         [0, 1, 2].map(|c: usize| (f64::from(band[f][n][c]) - v[c]) / noise[n].variance(c, v[c]).sqrt())
@@ -156,11 +165,11 @@ pub fn judge(capture: &Capture, scan: &Scan, splits: &Splits, fitted: &Fitted, l
                 stored.push(plane_name(pass.name.name(), split.held[f], c), plane);
             }
         }
-        let chi2: Vec<f64> = frames.iter().map(Tally::reduced_chi2).collect();
+        let chi2: Vec<f64> = frames.iter().map(ResidualTally::reduced_chi2).collect();
         let worst = (0..chi2.len()).max_by(|a, b| chi2[*a].total_cmp(&chi2[*b])).unwrap_or(0);
         out.passes.insert(
             pass.name.name().into(),
-            HeldOut {
+            HeldOutResiduals {
                 stored: kept.iter().map(|f| split.held[*f]).collect(),
                 frames: split.held.clone(),
                 positions_mm: positions,
@@ -200,7 +209,7 @@ pub fn stored_step(width: usize, height: usize, passes: usize) -> usize {
 
 /// Indices of the positions nearest to where a level texel in the middle mirrors the tube into the camera, in the order
 /// of the frames.
-fn nearest_the_peak(scan: &Scan, travel: Travel, positions: &[f64]) -> Vec<usize> {
+fn nearest_the_peak(scan: &ScanRecord, travel: Travel, positions: &[f64]) -> Vec<usize> {
     let peak = match travel {
         Travel::X => -scan.tube_height_mm * scan.camera_deg.to_radians().tan(),
         Travel::Y => 0.0,
@@ -213,7 +222,7 @@ fn nearest_the_peak(scan: &Scan, travel: Travel, positions: &[f64]) -> Vec<usize
 }
 
 /// One floor is used for the whole side: that of the median texel.
-fn light_box(capture: &Capture, fitted: &Fitted, relative: f64) -> Option<LightBox> {
+fn light_box(capture: &TubeCapture, fitted: &LeafSideFit, relative: f64) -> Option<LightBoxResiduals> {
     let m = &capture.manifest;
     let floor = [0, 1, 2].map(|c: usize| outliers::median(fitted.texels.iter().map(|x| x.rho_t_floor[c]).collect()));
     let incidence = m.lightbox.camera_deg.to_radians().cos();
@@ -243,12 +252,12 @@ pub(super) fn through(
     floor: [f64; 3],
     texels: impl Iterator<Item = usize>,
     texel: impl Fn(usize) -> (f64, [f64; 3]),
-) -> Option<LightBox> {
+) -> Option<LightBoxResiduals> {
     if !sigma_a.iter().chain(&sigma_s).all(|v| v.is_finite() && *v > 0.0) {
         return None;
     }
-    let curves = [0, 1, 2].map(|c: usize| Curve::new(sigma_a[c], sigma_s[c], h, Incidence(incidence)));
-    let mut tally = Tally::default();
+    let curves = [0, 1, 2].map(|c: usize| ThicknessCurve::new(sigma_a[c], sigma_s[c], h, Incidence(incidence)));
+    let mut tally = ResidualTally::default();
     for k in texels {
         let (thickness, measured) = texel(k);
         let z = |c: usize| {
@@ -259,7 +268,7 @@ pub(super) fn through(
             tally.add((0..3).map(z), k);
         }
     }
-    (tally.readings > 0).then(|| LightBox {
+    (tally.readings > 0).then(|| LightBoxResiduals {
         noise_relative: relative,
         noise_floor: floor,
         readings: tally.readings,

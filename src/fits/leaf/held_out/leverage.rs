@@ -2,9 +2,9 @@
 //! jᵀ over held-out readings. J holds the weighted slopes of the fitted readings by the parameters, j those of the
 //! held-out reading.
 
-use super::{Predictor, Scan, Scratch, Splits, Texel};
+use super::{FramePredictor, FrameSplits, PredictionScratch, ScanRecord, TexelParameters};
 use crate::gloss::normal_slopes;
-use mesophyll_capture::manifest::Manifest;
+use mesophyll_capture::manifest::TubeManifest;
 use mesophyll_optics::tube::Travel;
 use nalgebra::{SMatrix, SVector};
 
@@ -17,19 +17,24 @@ const SAMPLE: usize = 400;
 
 /// Expected mean square of held-out residuals in units of the noise: for each pass, one figure for each held-out frame.
 /// `texels` holds the place (mm) and the fit of each texel.
-pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f64; 2], Texel)]) -> [Vec<f64>; 2] {
-    let passes: Vec<(Travel, [Predictor; 2])> = manifest
+pub fn expected(
+    scan: &ScanRecord,
+    manifest: &TubeManifest,
+    splits: &FrameSplits,
+    texels: &[([f64; 2], TexelParameters)],
+) -> [Vec<f64>; 2] {
+    let passes: Vec<(Travel, [FramePredictor; 2])> = manifest
         .passes
         .iter()
         .map(|pass| {
             let (positions, split) = (pass.positions(), splits.of(pass.name));
             let at = |list: &[usize]| list.iter().map(|k| positions[*k]).collect::<Vec<f64>>();
-            (pass.name, [&split.kept, &split.held].map(|list| Predictor::new(scan, pass.name, &at(list))))
+            (pass.name, [&split.kept, &split.held].map(|list| FramePredictor::new(scan, pass.name, &at(list))))
         })
         .collect();
     let mut sums = [&splits.x, &splits.y].map(|s| vec![0.0; s.held.len()]);
     let mut count = 0usize;
-    let mut scratch = Scratch::default();
+    let mut scratch = PredictionScratch::default();
     for (at, texel) in texels.iter().step_by(texels.len().div_ceil(SAMPLE).max(1)) {
         let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
         for (_, [kept, _]) in &passes {
@@ -52,7 +57,7 @@ pub fn expected(scan: &Scan, manifest: &Manifest, splits: &Splits, texels: &[([f
 /// Standard errors that a texel's readings leave it: of ρd and ρs a channel each and of m, and of its normal's
 /// components.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Known {
+pub struct TexelErrors {
     /// ρd (R, G, B), ρs (R, G, B), m; 0 for what no reading depends on.
     pub parameters: [f64; 7],
     /// Of the normal's x, y and z.
@@ -62,12 +67,12 @@ pub struct Known {
 /// The standard errors that the noise of the frames of all `passes` leaves a texel at `at` (mm). `None` where they
 /// determine nothing.
 pub fn known_errors(
-    scan: &Scan,
-    passes: &[Predictor],
-    scratch: &mut Scratch,
-    texel: &Texel,
+    scan: &ScanRecord,
+    passes: &[FramePredictor],
+    scratch: &mut PredictionScratch,
+    texel: &TexelParameters,
     at: [f64; 2],
-) -> Option<Known> {
+) -> Option<TexelErrors> {
     let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
     for pass in passes {
         for j in slopes(scan, pass, scratch, texel, at, passes.len()).iter().flatten() {
@@ -79,15 +84,15 @@ pub fn known_errors(
     let n = texel.normal;
     let turns = normal_slopes([n[0].atan2(n[2]), n[1].clamp(-1.0, 1.0).asin()]);
     let of_normal = |axis: usize| (turns[0][axis] * error(7)).hypot(turns[1][axis] * error(8));
-    Some(Known { parameters: std::array::from_fn(error), normal: std::array::from_fn(of_normal) })
+    Some(TexelErrors { parameters: std::array::from_fn(error), normal: std::array::from_fn(of_normal) })
 }
 
 /// Slopes of every reading (frame by channel) by the parameters, divided by the reading's noise.
 fn slopes(
-    scan: &Scan,
-    pass: &Predictor,
-    scratch: &mut Scratch,
-    texel: &Texel,
+    scan: &ScanRecord,
+    pass: &FramePredictor,
+    scratch: &mut PredictionScratch,
+    texel: &TexelParameters,
     at: [f64; 2],
     tilts: usize,
 ) -> Vec<[Slope; 3]> {
@@ -136,20 +141,23 @@ mod tests {
     /// projection.
     #[test]
     fn over_fitted_readings_the_mean_is_parameters_over_readings() {
-        let scan = Scan {
+        let scan = ScanRecord {
             camera_deg: 55.0,
             tube_height_mm: 100.0,
             tube_length_mm: 500.0,
             tube_radius_mm: 2.5,
             noise_relative: 0.01,
             noise_floor: 5e-4,
-            ..Scan::default()
+            ..ScanRecord::default()
         };
         let positions: Vec<f64> = (0..60).map(|k| -400.0 + 650.0 * f64::from(k) / 59.0).collect();
-        let texel = Texel { rho_d: [0.05, 0.1, 0.03], rho_s: [0.04; 3], m: 0.3, normal: [0.1, 0.0, 0.99f64.sqrt()] };
-        let pass = Predictor::new(&scan, Travel::X, &positions);
-        let rows: Vec<Slope> =
-            slopes(&scan, &pass, &mut Scratch::default(), &texel, [3.0, -2.0], 1).into_iter().flatten().collect();
+        let texel =
+            TexelParameters { rho_d: [0.05, 0.1, 0.03], rho_s: [0.04; 3], m: 0.3, normal: [0.1, 0.0, 0.99f64.sqrt()] };
+        let pass = FramePredictor::new(&scan, Travel::X, &positions);
+        let rows: Vec<Slope> = slopes(&scan, &pass, &mut PredictionScratch::default(), &texel, [3.0, -2.0], 1)
+            .into_iter()
+            .flatten()
+            .collect();
         let mut normal = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
         rows.iter().for_each(|j| normal.ger(1.0, j, j, 1.0));
         let inverse = pseudo_inverse(&normal).unwrap();

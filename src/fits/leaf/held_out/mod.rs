@@ -9,19 +9,19 @@
 //! is a little above 1: the mean of the second term is about parameters/readings. It is computed, not assumed: see
 //! [`leverage`].
 
+mod frames;
 mod judge;
 mod leverage;
-mod predict;
-mod stored;
+mod prediction;
 
-pub use judge::{Judged, Tally, judge, stored_step};
-pub use leverage::{Known, known_errors};
-pub use predict::{Predictor, Scratch, Texel, texel_of};
-pub use stored::{Kept, KeptFrame, LIGHT_BOX, kept};
+pub use frames::{LIGHT_BOX, StoredFrame, StoredFrames, kept};
+pub use judge::{HeldOutJudgement, ResidualTally, judge, stored_step};
+pub use leverage::{TexelErrors, known_errors};
+pub use prediction::{FramePredictor, PredictionScratch, TexelParameters, texel_of};
 
-use crate::record::scan::{HeldOut, LightBox, Scan, off};
-use mesophyll_base::random::Stream;
-use mesophyll_capture::manifest::Manifest;
+use crate::record::scan::{HeldOutResiduals, LightBoxResiduals, ScanRecord, off};
+use mesophyll_base::random::RandomStream;
+use mesophyll_capture::manifest::TubeManifest;
 use mesophyll_optics::tube::Travel;
 
 /// A pass with fewer frames than this keeps all of them for the fit: a texel has nine parameters, and every frame is
@@ -37,55 +37,55 @@ pub const BAD: f64 = 1.0;
 
 /// Which frames are left out: one of every `every` in a row, drawn by `seed`; 0 leaves none out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct HoldOut {
+pub struct HoldOutRule {
     /// One of this many frames is left out; 0 leaves none out.
     pub every: usize,
     /// Decides which one of each group it is.
     pub seed: u64,
 }
 
-impl Default for HoldOut {
+impl Default for HoldOutRule {
     fn default() -> Self {
-        HoldOut { every: 20, seed: 1 }
+        HoldOutRule { every: 20, seed: 1 }
     }
 }
 
 /// The frames of one pass, in order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Split {
+pub struct FrameSplit {
     /// Frames that the fit sees, by their number in the pass.
     pub kept: Vec<usize>,
     /// Frames that it does not see.
     pub held: Vec<usize>,
 }
 
-impl HoldOut {
+impl HoldOutRule {
     /// Divides the frames of a pass. Each whole group of `every` frames loses the one that the seed names; both sides
     /// of a leaf lose the same ones.
-    pub fn split(&self, travel: Travel, frames: usize) -> Split {
+    pub fn split(&self, travel: Travel, frames: usize) -> FrameSplit {
         if self.every == 0 || frames < FEWEST_FRAMES {
-            return Split { kept: (0..frames).collect(), held: Vec::new() };
+            return FrameSplit { kept: (0..frames).collect(), held: Vec::new() };
         }
-        let mut draw = Stream::new(self.seed, &[0x401d, travel as u64]);
+        let mut draw = RandomStream::new(self.seed, &[0x401d, travel as u64]);
         let held: Vec<usize> = (0..frames / self.every)
             .map(|group| group * self.every + (draw.uniform() * self.every as f64) as usize)
             .collect();
-        Split { kept: (0..frames).filter(|k| !held.contains(k)).collect(), held }
+        FrameSplit { kept: (0..frames).filter(|k| !held.contains(k)).collect(), held }
     }
 }
 
 /// The frames of both passes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Splits {
+pub struct FrameSplits {
     /// Frames of pass x.
-    pub x: Split,
+    pub x: FrameSplit,
     /// Frames of pass y.
-    pub y: Split,
+    pub y: FrameSplit,
 }
 
-impl Splits {
+impl FrameSplits {
     /// The frames of one pass.
-    pub fn of(&self, travel: Travel) -> &Split {
+    pub fn of(&self, travel: Travel) -> &FrameSplit {
         match travel {
             Travel::X => &self.x,
             Travel::Y => &self.y,
@@ -100,13 +100,13 @@ impl Splits {
 
 /// The frames that were left out, in words: `every 20th frame, seed 1; pass x: 5 of 100 (12 33 51 70 99); pass y: none
 /// of 16, fewer than 20`.
-pub fn in_words(manifest: &Manifest, told: HoldOut, splits: &Splits) -> String {
+pub fn in_words(manifest: &TubeManifest, told: HoldOutRule, splits: &FrameSplits) -> String {
     if told.every == 0 {
         return "no frame".into();
     }
     let mut text = format!("one frame of every {}, seed {}", told.every, told.seed);
     for pass in &manifest.passes {
-        let Split { kept, held } = splits.of(pass.name);
+        let FrameSplit { kept, held } = splits.of(pass.name);
         let all = kept.len() + held.len();
         let list: Vec<String> = held.iter().map(usize::to_string).collect();
         text += &match held.len() {
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn one_frame_of_every_group_is_left_out_and_few_frames_stay_whole() {
-        let hold_out = HoldOut::default();
+        let hold_out = HoldOutRule::default();
         let split = hold_out.split(Travel::X, 107);
         assert_eq!(split.held.len(), 5);
         assert!(split.held.iter().enumerate().all(|(g, k)| (20 * g..20 * (g + 1)).contains(k)), "{:?}", split.held);
@@ -135,10 +135,10 @@ mod tests {
         assert_eq!(all, (0..107).collect::<Vec<_>>());
         // Another pass and another seed draw other frames; the same ones draw the same.
         assert_ne!(hold_out.split(Travel::Y, 107).held, split.held);
-        assert_ne!(HoldOut { seed: 2, ..hold_out }.split(Travel::X, 107).held, split.held);
+        assert_ne!(HoldOutRule { seed: 2, ..hold_out }.split(Travel::X, 107).held, split.held);
         assert_eq!(hold_out.split(Travel::X, 107), split);
         for (every, frames) in [(20, 19), (0, 100), (20, 8), (40, 30)] {
-            assert!(HoldOut { every, seed: 1 }.split(Travel::X, frames).held.is_empty(), "{every} of {frames}");
+            assert!(HoldOutRule { every, seed: 1 }.split(Travel::X, frames).held.is_empty(), "{every} of {frames}");
         }
     }
 }

@@ -1,9 +1,9 @@
 //! The model's readings as a function of four parameters, and a descent from one guess of them.
 
-use super::picture::Pixel;
-use super::start::{Guess, angle, turned};
-use mesophyll_base::solve::{Closure, Fit, Noise, Options, Uncertainty, jacobian, lm};
-use mesophyll_sky::preetham::{self, Turbid, xyz_from_separable};
+use super::picture::PanoramaPixel;
+use super::start::{PanoramaGuess, angle, turned};
+use mesophyll_base::solvers::{ClosureProblem, Fit, Options, ResidualNoise, Uncertainty, jacobian, lm};
+use mesophyll_sky::preetham::{self, PreethamTurbidity, xyz_from_separable};
 use mesophyll_sky::{colour, sun_direction};
 use nalgebra::DMatrix;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -11,7 +11,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// How the sun's direction is written as two parameters: as angles, or as a point of a plane near the zenith, where the
 /// azimuth has no meaning.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Chart {
+pub enum SunChart {
     /// Zenith angle, and azimuth relative to this one.
     Polar(f64),
     /// Zenith angle times cosine and sine of the azimuth.
@@ -21,43 +21,43 @@ pub enum Chart {
 /// Suns closer to the zenith than this are fitted in the plane.
 pub const OVERHEAD: f64 = 0.3;
 
-impl Chart {
-    pub fn at(zenith: f64, azimuth: f64) -> Chart {
-        if zenith < OVERHEAD { Chart::Plane } else { Chart::Polar(azimuth) }
+impl SunChart {
+    pub fn at(zenith: f64, azimuth: f64) -> SunChart {
+        if zenith < OVERHEAD { SunChart::Plane } else { SunChart::Polar(azimuth) }
     }
 
     pub fn sun(self, p: &[f64]) -> (f64, f64) {
         match self {
-            Chart::Polar(_) => (p[0], p[1]),
-            Chart::Plane => (p[0].hypot(p[1]), p[1].atan2(p[0])),
+            SunChart::Polar(_) => (p[0], p[1]),
+            SunChart::Plane => (p[0].hypot(p[1]), p[1].atan2(p[0])),
         }
     }
 
-    pub fn start(self, g: &Guess) -> Vec<f64> {
+    pub fn start(self, g: &PanoramaGuess) -> Vec<f64> {
         let [low, high] = preetham::TURBIDITIES;
         let t = g.turbidity.clamp(low, high);
         match self {
-            Chart::Polar(_) => vec![g.zenith, g.azimuth, t, g.scale.ln()],
-            Chart::Plane => vec![g.zenith * g.azimuth.cos(), g.zenith * g.azimuth.sin(), t, g.scale.ln()],
+            SunChart::Polar(_) => vec![g.zenith, g.azimuth, t, g.scale.ln()],
+            SunChart::Plane => vec![g.zenith * g.azimuth.cos(), g.zenith * g.azimuth.sin(), t, g.scale.ln()],
         }
     }
 
     pub fn bounds(self) -> (Vec<f64>, Vec<f64>) {
         let [low, high] = preetham::TURBIDITIES;
         match self {
-            Chart::Polar(middle) => {
+            SunChart::Polar(middle) => {
                 (vec![0.02, middle - PI, low, f64::NEG_INFINITY], vec![FRAC_PI_2, middle + PI, high, f64::INFINITY])
             }
-            Chart::Plane => (vec![-0.8, -0.8, low, f64::NEG_INFINITY], vec![0.8, 0.8, high, f64::INFINITY]),
+            SunChart::Plane => (vec![-0.8, -0.8, low, f64::NEG_INFINITY], vec![0.8, 0.8, high, f64::INFINITY]),
         }
     }
 }
 
 /// The model's readings of every pixel, channel by channel.
-pub fn modelled(chart: Chart, p: &[f64], pixels: &[Pixel], channels: usize, out: &mut [f64]) {
+pub fn modelled(chart: SunChart, p: &[f64], pixels: &[PanoramaPixel], channels: usize, out: &mut [f64]) {
     let (zenith, azimuth) = chart.sun(p);
     let sun = turned(sun_direction(zenith), azimuth);
-    let turbid = Turbid::new(p[2]);
+    let turbid = PreethamTurbidity::new(p[2]);
     let prefactors = turbid.prefactors(zenith);
     let scale = p[3].exp();
     for (pixel, out) in pixels.iter().zip(out.chunks_exact_mut(channels)) {
@@ -71,8 +71,8 @@ pub fn modelled(chart: Chart, p: &[f64], pixels: &[Pixel], channels: usize, out:
 }
 
 /// One descent on the pixels that are kept, with weights from the model at its start.
-pub struct Round {
-    pub chart: Chart,
+pub struct DescentRound {
+    pub chart: SunChart,
     /// The fit of all four parameters.
     pub fit: Fit,
     /// Derivatives of the residuals to the parameters that were fitted, at the solution.
@@ -83,24 +83,24 @@ pub struct Round {
 
 /// `held`: whether the sun stays where the guess has it; then its two parameters have no error.
 pub fn descend(
-    pixels: &[Pixel],
+    pixels: &[PanoramaPixel],
     kept: &[bool],
     channels: usize,
-    guess: &Guess,
+    guess: &PanoramaGuess,
     noise: f64,
     floor: f64,
-    known: Noise,
+    known: ResidualNoise,
     held: bool,
-) -> Round {
-    let chart = Chart::at(guess.zenith, guess.azimuth);
+) -> DescentRound {
+    let chart = SunChart::at(guess.zenith, guess.azimuth);
     let start = chart.start(guess);
     // The first parameters that are fitted.
     let first = if held { 2 } else { 0 };
-    let used: Vec<Pixel> = pixels.iter().zip(kept).filter(|(_, k)| **k).map(|(p, _)| *p).collect();
+    let used: Vec<PanoramaPixel> = pixels.iter().zip(kept).filter(|(_, k)| **k).map(|(p, _)| *p).collect();
     let mut sigma = vec![0.0; used.len() * channels];
     modelled(chart, &start, &used, channels, &mut sigma);
     sigma.iter_mut().for_each(|s| *s = noise * s.hypot(floor));
-    let problem = Closure::new(4 - first, used.len() * channels, |p: &[f64], r: &mut [f64]| {
+    let problem = ClosureProblem::new(4 - first, used.len() * channels, |p: &[f64], r: &mut [f64]| {
         let p = [&start[..first], p].concat();
         modelled(chart, &p, &used, channels, r);
         for (i, r) in r.iter_mut().enumerate() {
@@ -126,7 +126,7 @@ pub fn descend(
     if held {
         fit = with_sun(fit, &start);
     }
-    Round { chart, fit, jacobian: inner, places: places(pixels, kept, channels) }
+    DescentRound { chart, fit, jacobian: inner, places: places(pixels, kept, channels) }
 }
 
 /// A fit of turbidity and scale, with the two parameters of the sun put before them.
@@ -149,7 +149,7 @@ fn with_sun(fit: Fit, start: &[f64]) -> Fit {
 }
 
 /// For every residual its pixel's place in the picture.
-fn places(pixels: &[Pixel], kept: &[bool], channels: usize) -> Vec<usize> {
+fn places(pixels: &[PanoramaPixel], kept: &[bool], channels: usize) -> Vec<usize> {
     let used = pixels.iter().zip(kept).filter(|(_, k)| **k);
     used.flat_map(|(p, _)| std::iter::repeat_n(p.at, channels)).collect()
 }

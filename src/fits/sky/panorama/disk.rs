@@ -10,13 +10,13 @@
 //! first. Pictures that were compressed with loss may keep the disk in one channel only. There the brightest channel
 //! counts, where the others show the glow around it.
 
-use super::picture::Pixel;
-use super::projection::Projection;
+use super::picture::PanoramaPixel;
+use super::projection::PanoramaProjection;
 use super::start::angle;
 
 /// A disk that was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Disk {
+pub struct PanoramaDisk {
     /// Direction of its middle, a unit vector.
     pub direction: [f64; 3],
     /// Standard error of the direction, along any great circle (rad).
@@ -29,7 +29,7 @@ pub struct Disk {
     pub clipped: bool,
 }
 
-impl Disk {
+impl PanoramaDisk {
     /// Angle from the zenith (rad).
     pub fn zenith(&self) -> f64 {
         self.direction[2].clamp(-1.0, 1.0).acos()
@@ -87,37 +87,37 @@ const GLOW: (f64, f64) = (0.1, 4.0);
 /// # Errors
 /// Why no disk is seen, in words.
 pub fn find(
-    seen: &[Pixel],
+    seen: &[PanoramaPixel],
     level: f64,
     channels: usize,
-    projection: Projection,
+    projection: PanoramaProjection,
     shape: [usize; 2],
-) -> Result<Disk, &'static str> {
-    let darker = |p: &Pixel| if channels == 3 { p.value[0].min(p.value[1]) } else { p.value[0] };
+) -> Result<PanoramaDisk, &'static str> {
+    let darker = |p: &PanoramaPixel| if channels == 3 { p.value[0].min(p.value[1]) } else { p.value[0] };
     let first = find_in(seen, level, &darker, projection, shape);
     if channels != 3 || first.is_ok() {
         return first;
     }
-    let brightest = |p: &Pixel| p.value.into_iter().fold(0.0, f64::max);
+    let brightest = |p: &PanoramaPixel| p.value.into_iter().fold(0.0, f64::max);
     let Ok(disk) = find_in(seen, level, &brightest, projection, shape) else { return first };
     let middle = super::picture::median(&mut seen.iter().map(darker).collect::<Vec<_>>());
     let reach = GLOW.0.max(3.0 * projection.pixel(shape[0], shape[1]));
     let near: Vec<f64> = seen.iter().filter(|p| angle(p.d, disk.direction) <= reach).map(darker).collect();
     let glow = near.iter().sum::<f64>() / near.len().max(1) as f64;
     // The glow is not as bright as the disk, so it alone does not tell it from a lamp.
-    if glow >= GLOW.1 * middle { Ok(Disk { contrast: glow / middle, ..disk }) } else { first }
+    if glow >= GLOW.1 * middle { Ok(PanoramaDisk { contrast: glow / middle, ..disk }) } else { first }
 }
 
 /// [`find`] by one measure of a pixel's light.
 fn find_in(
-    seen: &[Pixel],
+    seen: &[PanoramaPixel],
     level: f64,
-    light: &dyn Fn(&Pixel) -> f64,
-    projection: Projection,
+    light: &dyn Fn(&PanoramaPixel) -> f64,
+    projection: PanoramaProjection,
     shape: [usize; 2],
-) -> Result<Disk, &'static str> {
+) -> Result<PanoramaDisk, &'static str> {
     let [w, h] = shape;
-    let area = |p: &Pixel| projection.solid_angle(w, h, p.at % w, p.at / w);
+    let area = |p: &PanoramaPixel| projection.solid_angle(w, h, p.at % w, p.at / w);
     let middle = super::picture::median(&mut seen.iter().map(light).collect::<Vec<_>>());
     let peak = seen.iter().map(light).fold(0.0, f64::max);
     let clipped = peak >= level;
@@ -126,7 +126,7 @@ fn find_in(
     if !(contrast >= kind.contrast) {
         return Err("nothing is far brighter than the sky");
     }
-    let bright: Vec<(&Pixel, f64)> = seen
+    let bright: Vec<(&PanoramaPixel, f64)> = seen
         .iter()
         .filter(|p| light(p) >= if clipped { level } else { BRIGHT * peak })
         .map(|p| (p, if clipped { area(p) } else { (light(p) - middle) * area(p) }))
@@ -156,7 +156,7 @@ fn find_in(
         return Err("the brightest place is no compact disk");
     }
     let reach = (3.0 * radius).max(3.0 * pixel).max(0.05);
-    let near = |p: &&Pixel| (reach..reach + 0.09).contains(&angle(p.d, d));
+    let near = |p: &&PanoramaPixel| (reach..reach + 0.09).contains(&angle(p.d, d));
     let around = super::picture::median(&mut seen.iter().filter(near).map(light).collect::<Vec<_>>());
     if !clipped && around * EDGE > peak {
         return Err("the brightest place is a glow without an edge");
@@ -170,5 +170,5 @@ fn find_in(
     if radius > 1.5 * pixel && (filled < FILLED || cut) {
         error = error.hypot(0.6 * radius);
     }
-    Ok(Disk { direction: d, error, radius, contrast, clipped })
+    Ok(PanoramaDisk { direction: d, error, radius, contrast, clipped })
 }

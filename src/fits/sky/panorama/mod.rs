@@ -25,18 +25,18 @@ mod start;
 #[cfg(test)]
 mod tests;
 
-use descent::{Chart, Round, descend, modelled};
-use disk::Disk;
-use mesophyll_base::solve::{Fit, Noise, Termination, Trace};
+use descent::{DescentRound, SunChart, descend, modelled};
+use disk::PanoramaDisk;
+use mesophyll_base::solvers::{Fit, ResidualNoise, Termination, Trace};
 use mesophyll_files::table::Status;
 use mesophyll_sky::sun_direction;
 use outcome::finished;
-use picture::{CLIPPED, Picture, Pixel, median};
-use start::{Guess, angle, turned};
+use picture::{CLIPPED, PanoramaPixel, PanoramaReadings, median};
+use start::{PanoramaGuess, angle, turned};
 
 /// A number and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Known {
+pub struct PanoramaEstimate {
     /// The number, in the unit that its field states.
     pub value: f64,
     /// Its standard error, in the same unit; infinite where nothing is known.
@@ -45,25 +45,25 @@ pub struct Known {
 
 /// The result of the fit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct PanoramaFit {
     /// Angle of the sun from the zenith (rad).
-    pub sun_zenith: Known,
+    pub sun_zenith: PanoramaEstimate,
     /// Azimuth of the sun (rad), from +x to +y, −π … π.
-    pub sun_azimuth: Known,
+    pub sun_azimuth: PanoramaEstimate,
     /// Turbidity, 1.7 to 10.
-    pub turbidity: Known,
+    pub turbidity: PanoramaEstimate,
     /// The picture's reading for one kcd/m².
-    pub scale: Known,
+    pub scale: PanoramaEstimate,
     /// What the sun's direction was taken from.
-    pub sun_from: SunFrom,
+    pub sun_from: SunSource,
     /// The sun's disk, or why none was seen.
-    pub disk: Result<Disk, &'static str>,
+    pub disk: Result<PanoramaDisk, &'static str>,
     /// Correlations of these four, in this order; NaN where undetermined.
     pub correlation: Vec<Vec<f64>>,
     /// Relative noise of a reading, which the errors are computed from.
     pub noise: f64,
     /// Where the noise is known from.
-    pub noise_from: NoiseFrom,
+    pub noise_from: NoiseSource,
     /// Readings that were fitted.
     pub samples: usize,
     /// χ² of the readings over the degrees of freedom; 1 where the model describes the sky to within the noise.
@@ -94,26 +94,26 @@ pub struct Found {
 
 /// What the sun's direction was taken from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SunFrom {
+pub enum SunSource {
     /// The brightness of the whole sky.
     Sky,
     /// The sun's disk.
     Disk,
 }
 
-impl SunFrom {
+impl SunSource {
     /// Its name in `fit.toml` and on the command line.
     pub fn name(self) -> &'static str {
         match self {
-            SunFrom::Sky => "sky",
-            SunFrom::Disk => "disk",
+            SunSource::Sky => "sky",
+            SunSource::Disk => "disk",
         }
     }
 }
 
 /// Where the noise is known from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NoiseFrom {
+pub enum NoiseSource {
     /// Stated by the user.
     Stated,
     /// Estimated from the scatter of neighbouring pixels.
@@ -122,13 +122,13 @@ pub enum NoiseFrom {
     Residuals,
 }
 
-impl NoiseFrom {
+impl NoiseSource {
     /// Its name in `fit.toml`.
     pub fn name(self) -> &'static str {
         match self {
-            NoiseFrom::Stated => "stated",
-            NoiseFrom::Neighbours => "from neighbouring pixels",
-            NoiseFrom::Residuals => "from the residuals: a misfit cannot be seen",
+            NoiseSource::Stated => "stated",
+            NoiseSource::Neighbours => "from neighbouring pixels",
+            NoiseSource::Residuals => "from the residuals: a misfit cannot be seen",
         }
     }
 }
@@ -156,14 +156,14 @@ const ASTRAY: f64 = 0.6;
 ///
 /// # Errors
 /// Why nothing can be fitted, in words.
-pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
+pub fn fit(picture: &PanoramaReadings, noise: Option<f64>) -> Result<PanoramaFit, String> {
     let sky = fit_with(picture, noise, None);
     let Ok(disk) = picture.disk else { return sky };
     let held = || fit_with(picture, noise, Some(disk));
     let Ok(sky) = sky else { return held() };
     let [z, a] = [sky.sun_zenith, sky.sun_azimuth];
     let apart = angle(disk.direction, turned(sun_direction(z.value), a.value));
-    let described = sky.described && sky.noise_from != NoiseFrom::Residuals && !sky.status.leaves_open(NAMES[0]);
+    let described = sky.described && sky.noise_from != NoiseSource::Residuals && !sky.status.leaves_open(NAMES[0]);
     let error = z.error.hypot(a.error * z.value.sin());
     let same = apart <= SAME_ANGLE.max(SAME * disk.error.hypot(error));
     if described && same && error <= disk.error {
@@ -176,19 +176,19 @@ pub fn fit(picture: &Picture, noise: Option<f64>) -> Result<Found, String> {
 }
 
 /// Fits a panorama whose sun is known from its disk, or is to be found.
-fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result<Found, String> {
+fn fit_with(picture: &PanoramaReadings, noise: Option<f64>, disk: Option<PanoramaDisk>) -> Result<PanoramaFit, String> {
     if let Some(n) = noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
         return Err(format!("--noise is {n}; expected more than 0 and less than 1 (relative to a reading)"));
     }
     let (level, from) = match (noise, picture.scatter) {
-        (Some(n), _) => (n, NoiseFrom::Stated),
-        (None, Some(n)) => (n, NoiseFrom::Neighbours),
-        (None, None) => (0.02, NoiseFrom::Residuals),
+        (Some(n), _) => (n, NoiseSource::Stated),
+        (None, Some(n)) => (n, NoiseSource::Neighbours),
+        (None, None) => (0.02, NoiseSource::Residuals),
     };
-    let known = if from == NoiseFrom::Residuals { Noise::Estimated } else { Noise::Known };
+    let known = if from == NoiseSource::Residuals { ResidualNoise::Estimated } else { ResidualNoise::Known };
     let channels = picture.channels;
     let step = picture.pixels.len().div_ceil(MOST_PIXELS).max(1);
-    let pixels: Vec<Pixel> = picture.pixels.iter().copied().step_by(step).collect();
+    let pixels: Vec<PanoramaPixel> = picture.pixels.iter().copied().step_by(step).collect();
     let floor = 0.02 * median(&mut pixels.iter().flat_map(|p| p.value[..channels].to_vec()).collect::<Vec<_>>());
     let starts =
         disk.map_or_else(|| start::find(picture, level), |disk| start::held(picture, disk.zenith(), disk.azimuth()));
@@ -199,7 +199,7 @@ fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result
     let mut kept = vec![true; pixels.len()];
     let mut values = vec![0.0; pixels.len() * channels];
     // For every pixel, the standardised residual z of its worst channel, for a given sun.
-    let misses = |chart: Chart, p: &[f64], values: &mut [f64]| -> Vec<f64> {
+    let misses = |chart: SunChart, p: &[f64], values: &mut [f64]| -> Vec<f64> {
         modelled(chart, p, &pixels, channels, values);
         pixels
             .iter()
@@ -212,12 +212,12 @@ fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result
     // The median of the largest of this many absolute normal deviates.
     let typical = if channels == 3 { 1.2568 } else { 0.6745 };
     let choose = |z: &[f64]| -> Vec<bool> {
-        let spread = (median(&mut z.to_vec()) / typical).max(if from == NoiseFrom::Residuals { 1e-3 } else { 1.0 });
+        let spread = (median(&mut z.to_vec()) / typical).max(if from == NoiseSource::Residuals { 1e-3 } else { 1.0 });
         z.iter().map(|z| *z <= CUT * spread).collect()
     };
-    let chart = Chart::at(guess.zenith, guess.azimuth);
+    let chart = SunChart::at(guess.zenith, guess.azimuth);
     kept.copy_from_slice(&choose(&misses(chart, &chart.start(&guess), &mut values)));
-    let mut last: Option<Round> = None;
+    let mut last: Option<DescentRound> = None;
     for _ in 0..ROUNDS {
         if kept.iter().filter(|k| **k).count() * channels < 8 {
             return Err("hardly a pixel fits any sky of the model".into());
@@ -228,7 +228,7 @@ fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result
         }
         let p = &round.fit.params;
         let (zenith, azimuth) = round.chart.sun(p);
-        let next = Guess { zenith, azimuth, turbidity: p[2], scale: p[3].exp(), cost: round.fit.cost };
+        let next = PanoramaGuess { zenith, azimuth, turbidity: p[2], scale: p[3].exp(), cost: round.fit.cost };
         let now = choose(&misses(round.chart, p, &mut values));
         let still = now == kept;
         // The weights are those of the start: one more descent is made where the parameters moved.
@@ -243,7 +243,7 @@ fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result
     }
     let Some(round) = last else { return Err("nothing was fitted".into()) };
     // Descents to other suns, on the same pixels.
-    let used = |g: &Guess| descend(&pixels, &kept, channels, g, level, floor, known, disk.is_some());
+    let used = |g: &PanoramaGuess| descend(&pixels, &kept, channels, g, level, floor, known, disk.is_some());
     let own = turned(sun_direction(guess.zenith), guess.azimuth);
     let mut rival = None;
     for g in starts.guesses.iter().skip(1) {
@@ -253,7 +253,7 @@ fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result
             continue;
         }
         let scale = round.fit.uncertainty.reduced_chi2.max(1.0)
-            * if from == NoiseFrom::Residuals { round.fit.uncertainty.reduced_chi2 } else { 1.0 };
+            * if from == NoiseSource::Residuals { round.fit.uncertainty.reduced_chi2 } else { 1.0 };
         if 2.0 * (r.fit.cost - round.fit.cost) < AS_GOOD * scale {
             rival = Some((zenith, azimuth));
         }
@@ -261,7 +261,7 @@ fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result
     // What the disk's own error does to turbidity and scale: descents with the sun beside its place.
     let beside = disk.map(|disk| {
         [[disk.error, 0.0], [0.0, disk.error / guess.zenith.sin().max(disk.error)]].map(|[dz, da]| {
-            let moved = Guess { zenith: guess.zenith + dz, azimuth: guess.azimuth + da, ..guess };
+            let moved = PanoramaGuess { zenith: guess.zenith + dz, azimuth: guess.azimuth + da, ..guess };
             let p = used(&moved).fit.params;
             [p[2] - round.fit.params[2], p[3] - round.fit.params[3]]
         })
@@ -274,7 +274,7 @@ fn fit_with(picture: &Picture, noise: Option<f64>, disk: Option<Disk>) -> Result
 pub const NAMES: [&str; 4] = ["sun_zenith_deg", "sun_azimuth_deg", "turbidity", "scale"];
 
 /// How a fit ended, for the record.
-pub fn termination(result: &Result<Found, String>) -> Termination {
+pub fn termination(result: &Result<PanoramaFit, String>) -> Termination {
     result.as_ref().map_or(Termination::Refused, |f| f.fit.termination)
 }
 
@@ -284,6 +284,6 @@ pub fn count(fate: &[f32], which: f32) -> usize {
 }
 
 /// Pixels that the sensor clipped.
-pub fn clipped(found: &Found) -> usize {
+pub fn clipped(found: &PanoramaFit) -> usize {
     count(&found.fate, CLIPPED)
 }

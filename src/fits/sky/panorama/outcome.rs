@@ -2,12 +2,12 @@
 //! results are not determined (because of a misfit beyond the noise, another sun that fits as well, a bound, or too
 //! large an error).
 
-use super::descent::{Chart, OVERHEAD, Round};
-use super::disk::Disk;
-use super::picture::{self, OUTLIER, Picture, Pixel, median};
-use super::{ANGLE_KNOWN, Found, Known, NAMES, NoiseFrom, SunFrom, start};
-use mesophyll_base::solve::adequacy::{self, Adequacy, Along};
-use mesophyll_base::solve::{Fit, Noise};
+use super::descent::{DescentRound, OVERHEAD, SunChart};
+use super::disk::PanoramaDisk;
+use super::picture::{self, OUTLIER, PanoramaPixel, PanoramaReadings, median};
+use super::{ANGLE_KNOWN, NAMES, NoiseSource, PanoramaEstimate, PanoramaFit, SunSource, start};
+use mesophyll_base::solvers::adequacy::{self, Adequacy, ReadingOrder};
+use mesophyll_base::solvers::{Fit, ResidualNoise};
 use mesophyll_files::table::Status;
 use mesophyll_sky::preetham;
 use std::collections::BTreeMap;
@@ -20,18 +20,18 @@ const EXCESS_MEASURED: f64 = 0.4;
 /// azimuth of a sun that fits as well. `sun`: the disk that the sun was held at, and what its error along the meridian
 /// and across does to turbidity and ln scale.
 pub fn finished(
-    picture: &Picture,
-    pixels: &[Pixel],
+    picture: &PanoramaReadings,
+    pixels: &[PanoramaPixel],
     kept: &[bool],
-    round: Round,
+    round: DescentRound,
     rival: Option<(f64, f64)>,
-    (level, from): (f64, NoiseFrom),
-    starts: &start::Starts,
+    (level, from): (f64, NoiseSource),
+    starts: &start::PanoramaStarts,
     values: Vec<f64>,
-    sun: Option<(Disk, [[f64; 2]; 2])>,
-) -> Found {
+    sun: Option<(PanoramaDisk, [[f64; 2]; 2])>,
+) -> PanoramaFit {
     let adequacy = judged(&round, picture.width, from);
-    let Round { chart, fit, .. } = round;
+    let DescentRound { chart, fit, .. } = round;
     let channels = picture.channels;
     let u = &fit.uncertainty;
     let (zenith, azimuth) = chart.sun(&fit.params);
@@ -39,8 +39,8 @@ pub fn finished(
     let slope: [[f64; 4]; 4] = {
         let scale = fit.params[3].exp();
         let (a, b) = match chart {
-            Chart::Polar(_) => ([1.0, 0.0], [0.0, 1.0]),
-            Chart::Plane => {
+            SunChart::Polar(_) => ([1.0, 0.0], [0.0, 1.0]),
+            SunChart::Plane => {
                 let r = zenith.max(1e-9);
                 ([azimuth.cos(), azimuth.sin()], [-azimuth.sin() / r, azimuth.cos() / r])
             }
@@ -60,8 +60,8 @@ pub fn finished(
         sum
     };
     // A misfit widens the printed errors, but that does not make the results right.
-    let wide = if from == NoiseFrom::Residuals { 1.0 } else { u.reduced_chi2.max(1.0).sqrt() };
-    let excess = from == NoiseFrom::Neighbours && u.freedom > 0 && u.reduced_chi2 > 1.0 + EXCESS_MEASURED;
+    let wide = if from == NoiseSource::Residuals { 1.0 } else { u.reduced_chi2.max(1.0).sqrt() };
+    let excess = from == NoiseSource::Neighbours && u.freedom > 0 && u.reduced_chi2 > 1.0 + EXCESS_MEASURED;
     let why = match (adequacy.why("sky"), excess) {
         (None, true) => Some(format!(
             "the model does not describe this sky: the residuals are {:.1} times the noise between neighbours",
@@ -90,10 +90,10 @@ pub fn finished(
         }
     };
     let turn = (azimuth + PI).rem_euclid(2.0 * PI) - PI;
-    let sun_zenith = Known { value: zenith, error: error(0) };
-    let sun_azimuth = Known { value: turn, error: error(1) };
-    let turbidity = Known { value: fit.params[2], error: error(2) };
-    let scale = Known { value: fit.params[3].exp(), error: error(3) };
+    let sun_zenith = PanoramaEstimate { value: zenith, error: error(0) };
+    let sun_azimuth = PanoramaEstimate { value: turn, error: error(1) };
+    let turbidity = PanoramaEstimate { value: fit.params[2], error: error(2) };
+    let scale = PanoramaEstimate { value: fit.params[3].exp(), error: error(3) };
     let correlated = |i: usize, j: usize| match sun {
         Some(_) if i < 2 || j < 2 => f64::from(u8::from(i == j)),
         _ => covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt(),
@@ -129,12 +129,12 @@ pub fn finished(
     let outliers = kept.iter().filter(|k| !**k).count();
     let described = why.is_none();
     let status = status(&fit, chart, [sun_zenith, sun_azimuth, turbidity, scale], why, rival, sun.is_some());
-    Found {
+    PanoramaFit {
         sun_zenith,
         sun_azimuth,
         turbidity,
         scale,
-        sun_from: if sun.is_some() { SunFrom::Disk } else { SunFrom::Sky },
+        sun_from: if sun.is_some() { SunSource::Disk } else { SunSource::Sky },
         disk: picture.disk,
         correlation,
         noise: level,
@@ -157,7 +157,7 @@ pub fn finished(
 
 /// Whether the residuals are noise: their size where the noise is stated, and patterns along the rows and columns of
 /// the picture.
-fn judged(round: &Round, width: usize, from: NoiseFrom) -> Adequacy {
+fn judged(round: &DescentRound, width: usize, from: NoiseSource) -> Adequacy {
     // Readings of one channel, by the row or column of their pixels.
     let channels = round.places.windows(2).take_while(|p| p[0] == p[1]).count() + 1;
     let runs = |line: &dyn Fn(usize) -> usize| {
@@ -168,20 +168,20 @@ fn judged(round: &Round, width: usize, from: NoiseFrom) -> Adequacy {
         runs.into_values().collect::<Vec<_>>()
     };
     let along = [
-        Along { name: "rows of the picture", runs: runs(&|at| at / width) },
-        Along { name: "columns of the picture", runs: runs(&|at| at % width) },
+        ReadingOrder { name: "rows of the picture", runs: runs(&|at| at / width) },
+        ReadingOrder { name: "columns of the picture", runs: runs(&|at| at % width) },
     ];
-    adequacy::judge(&adequacy::Readings {
+    adequacy::judge(&adequacy::SolutionResiduals {
         residuals: &round.fit.residuals,
         jacobian: &round.jacobian,
-        noise: if from == NoiseFrom::Stated { Noise::Known } else { Noise::Estimated },
+        noise: if from == NoiseSource::Stated { ResidualNoise::Known } else { ResidualNoise::Estimated },
         floor: 0.0,
         along: &along,
     })
 }
 
 /// A sky whose sun and the disk are two different places.
-pub fn disputed(found: Found, disk: &Disk, apart: f64) -> Found {
+pub fn disputed(found: PanoramaFit, disk: &PanoramaDisk, apart: f64) -> PanoramaFit {
     let degrees = f64::to_degrees;
     let why = format!(
         "{} (a bright disk at zenith {:.1}, azimuth {:.1} is {:.0} degrees from where the sky's brightness puts the \
@@ -191,13 +191,13 @@ pub fn disputed(found: Found, disk: &Disk, apart: f64) -> Found {
         degrees(disk.azimuth()),
         degrees(apart),
     );
-    Found { status: Status::Undetermined(why), ..found }
+    PanoramaFit { status: Status::Undetermined(why), ..found }
 }
 
 fn status(
     fit: &Fit,
-    chart: Chart,
-    known: [Known; 4],
+    chart: SunChart,
+    known: [PanoramaEstimate; 4],
     misfit: Option<String>,
     rival: Option<(f64, f64)>,
     held: bool,
@@ -218,7 +218,7 @@ fn status(
     }
     let [zenith, azimuth, turbidity, scale] = known;
     if rival.is_none() {
-        let on_horizon = matches!(chart, Chart::Polar(_)) && fit.at_bound.contains(&0) && zenith.value > 1.0;
+        let on_horizon = matches!(chart, SunChart::Polar(_)) && fit.at_bound.contains(&0) && zenith.value > 1.0;
         if on_horizon {
             unknown.push(format!("sun_zenith_deg >= {:.2}", (zenith.value - 2.0 * zenith.error).max(0.0).to_degrees()));
         } else if !(zenith.error <= ANGLE_KNOWN) {

@@ -1,14 +1,14 @@
 //! From a panorama's channels to the pixels that a fit may use: above the horizon, not hidden, not clipped.
 
-use super::disk::{self, Disk};
-use super::projection::Projection;
+use super::disk::{self, PanoramaDisk};
+use super::projection::PanoramaProjection;
 use crate::sky::{Error, Result};
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use std::path::Path;
 
 /// Which channels hold the readings and the mask.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Channels {
+pub struct PanoramaChannels {
     /// Three (R, G, B) or one (luminance).
     pub radiance: Vec<String>,
     /// Channel of the mask: a pixel with a value below ½ is hidden. An alpha channel `A` hides in the same way.
@@ -18,15 +18,15 @@ pub struct Channels {
     pub saturation: Option<f64>,
 }
 
-impl Default for Channels {
+impl Default for PanoramaChannels {
     fn default() -> Self {
-        Channels { radiance: ["R", "G", "B"].map(String::from).to_vec(), mask: None, saturation: None }
+        PanoramaChannels { radiance: ["R", "G", "B"].map(String::from).to_vec(), mask: None, saturation: None }
     }
 }
 
 /// One usable pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pixel {
+pub struct PanoramaPixel {
     /// Unit vector, z > 0.
     pub d: [f64; 3],
     /// Readings; with one channel only the first counts.
@@ -46,7 +46,7 @@ pub const OUTLIER: f32 = -2.0;
 
 /// The usable part of a panorama.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
+pub struct PanoramaReadings {
     /// Columns of the picture.
     pub width: usize,
     /// Rows of the picture.
@@ -54,7 +54,7 @@ pub struct Picture {
     /// Channels with a reading: 3 (red, green, blue) or 1 (luminance).
     pub channels: usize,
     /// The pixels that a fit may use.
-    pub pixels: Vec<Pixel>,
+    pub pixels: Vec<PanoramaPixel>,
     /// How many pixels are above the horizon, hidden and clipped ones included.
     pub above: usize,
     /// How many of `above` the mask hides.
@@ -67,7 +67,7 @@ pub struct Picture {
     /// are too few of them.
     pub scatter: Option<f64>,
     /// The sun's disk, or why none is seen.
-    pub disk: std::result::Result<Disk, &'static str>,
+    pub disk: std::result::Result<PanoramaDisk, &'static str>,
 }
 
 /// Pixels with a negative reading are left out while they are at most this share.
@@ -84,7 +84,12 @@ const LOWEST: f64 = 0.01;
 /// # Errors
 /// [`Error::Input`] that names the file and the channel: no such channel, a size that the projection does not have,
 /// negative readings, nothing left.
-pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channels) -> Result<Picture> {
+pub fn read(
+    path: &Path,
+    maps: &ChannelMaps,
+    projection: PanoramaProjection,
+    channels: &PanoramaChannels,
+) -> Result<PanoramaReadings> {
     let (w, h) = (maps.width, maps.height);
     projection.check(w, h).map_err(|why| Error::field(path, "size", why))?;
     if !matches!(channels.radiance.len(), 1 | 3) {
@@ -119,10 +124,10 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
             below += 1;
             hidden += 1;
             // It may be the disk itself.
-            ringing.push(Pixel { d, value: value.map(|v| v.max(0.0)), at });
+            ringing.push(PanoramaPixel { d, value: value.map(|v| v.max(0.0)), at });
             continue;
         }
-        seen.push(Pixel { d, value, at });
+        seen.push(PanoramaPixel { d, value, at });
     }
     if above == 0 {
         return Err(Error::input(path, "no pixel lies above the horizon"));
@@ -175,7 +180,7 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
         return Err(Error::input(path, "the sky is black: every visible reading is 0"));
     }
     let scatter = scatter(&seen, w, planes.len());
-    Ok(Picture {
+    Ok(PanoramaReadings {
         width: w,
         height: h,
         channels: planes.len(),
@@ -190,7 +195,7 @@ pub fn read(path: &Path, maps: &Maps, projection: Projection, channels: &Channel
 }
 
 /// The highest reading where at least three pixels have it (the sensor's limit), otherwise infinity.
-fn shared_peak(pixels: &[Pixel]) -> f64 {
+fn shared_peak(pixels: &[PanoramaPixel]) -> f64 {
     let top = pixels.iter().flat_map(|p| p.value).filter(|v| !v.is_nan()).fold(0.0, f64::max);
     let sharing = pixels.iter().filter(|p| p.value.iter().any(|v| *v >= top * (1.0 - 1e-6))).count();
     if top.is_infinite() || sharing >= 3 { top * (1.0 - 1e-6) } else { f64::INFINITY }
@@ -198,7 +203,7 @@ fn shared_peak(pixels: &[Pixel]) -> f64 {
 
 /// Where the sky is smooth, (a − 2b + c)/(√6 b) of three neighbours in a row has the standard deviation of the noise.
 /// Its median is taken and scaled to a Gaussian's standard deviation.
-fn scatter(pixels: &[Pixel], width: usize, channels: usize) -> Option<f64> {
+fn scatter(pixels: &[PanoramaPixel], width: usize, channels: usize) -> Option<f64> {
     let mut all: Vec<f64> = Vec::new();
     for triple in pixels.windows(3) {
         let [a, b, c] = triple else { continue };

@@ -16,7 +16,7 @@ use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 /// How a panorama maps pixels to directions, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum ProjectionKind {
+pub enum PanoramaProjectionKind {
     /// 2:1 (whole sphere) or 4:1 (upper hemisphere), zenith on top
     #[default]
     Equirectangular,
@@ -26,7 +26,7 @@ pub enum ProjectionKind {
 
 /// How a panorama maps pixels to directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Projection {
+pub enum PanoramaProjection {
     /// Whole sphere (2:1) or upper hemisphere (4:1), with the zenith in the top row.
     Equirectangular,
     /// A circle in a square, equidistant about the zenith.
@@ -36,12 +36,12 @@ pub enum Projection {
     },
 }
 
-impl Projection {
+impl PanoramaProjection {
     /// The projection of that kind; a fisheye's circle takes in `field_deg` degrees.
-    pub fn of(kind: ProjectionKind, field_deg: f64) -> Projection {
+    pub fn of(kind: PanoramaProjectionKind, field_deg: f64) -> PanoramaProjection {
         match kind {
-            ProjectionKind::Equirectangular => Projection::Equirectangular,
-            ProjectionKind::Fisheye => Projection::Fisheye { field: field_deg.to_radians() },
+            PanoramaProjectionKind::Equirectangular => PanoramaProjection::Equirectangular,
+            PanoramaProjectionKind::Fisheye => PanoramaProjection::Fisheye { field: field_deg.to_radians() },
         }
     }
 
@@ -51,14 +51,14 @@ impl Projection {
     /// What was expected, in words.
     pub fn check(self, width: usize, height: usize) -> Result<(), String> {
         match self {
-            Projection::Equirectangular if width != 2 * height && width != 4 * height => Err(format!(
+            PanoramaProjection::Equirectangular if width != 2 * height && width != 4 * height => Err(format!(
                 "found {width} x {height}; an equirectangular panorama is 2:1 (whole sphere) or 4:1 (upper \
                  hemisphere); see --projection"
             )),
-            Projection::Fisheye { .. } if width != height => {
+            PanoramaProjection::Fisheye { .. } if width != height => {
                 Err(format!("found {width} x {height}; a fisheye picture is square; see --projection"))
             }
-            Projection::Fisheye { field } if !(field > 0.0 && field <= TAU) => {
+            PanoramaProjection::Fisheye { field } if !(field > 0.0 && field <= TAU) => {
                 Err(format!("the field is {} degrees; expected more than 0 and at most 360", field.to_degrees()))
             }
             _ => Ok(()),
@@ -69,10 +69,10 @@ impl Projection {
     pub fn direction(self, width: usize, height: usize, column: usize, row: usize) -> Option<[f64; 3]> {
         let (u, v) = ((column as f64 + 0.5) / width as f64, (row as f64 + 0.5) / height as f64);
         match self {
-            Projection::Equirectangular => {
+            PanoramaProjection::Equirectangular => {
                 Some(panorama::direction([u, if width == 4 * height { 0.5 * v } else { v }]))
             }
-            Projection::Fisheye { field } => {
+            PanoramaProjection::Fisheye { field } => {
                 let (right, up) = (2.0 * u - 1.0, 1.0 - 2.0 * v);
                 let r = right.hypot(up);
                 let (theta, phi) = (0.5 * field * r, right.atan2(up));
@@ -84,9 +84,9 @@ impl Projection {
     /// Height of a pixel in the middle of the picture (rad).
     pub fn pixel(self, width: usize, height: usize) -> f64 {
         match self {
-            Projection::Equirectangular if width == 4 * height => 0.5 * PI / height as f64,
-            Projection::Equirectangular => PI / height as f64,
-            Projection::Fisheye { field } => field / width as f64,
+            PanoramaProjection::Equirectangular if width == 4 * height => 0.5 * PI / height as f64,
+            PanoramaProjection::Equirectangular => PI / height as f64,
+            PanoramaProjection::Fisheye { field } => field / width as f64,
         }
     }
 
@@ -96,9 +96,9 @@ impl Projection {
         let sin = d[0].hypot(d[1]);
         let pixel = self.pixel(width, height);
         match self {
-            Projection::Equirectangular => sin * pixel * TAU / width as f64,
+            PanoramaProjection::Equirectangular => sin * pixel * TAU / width as f64,
             // A ring of the zenith angle θ has the circumference 2π sin θ, and 2πθ in the picture.
-            Projection::Fisheye { .. } => pixel * pixel * sin / d[2].clamp(-1.0, 1.0).acos().max(1e-12),
+            PanoramaProjection::Fisheye { .. } => pixel * pixel * sin / d[2].clamp(-1.0, 1.0).acos().max(1e-12),
         }
     }
 }
@@ -109,12 +109,12 @@ mod tests {
 
     #[test]
     fn solid_angles_sum_to_what_the_picture_shows() {
-        let sum = |p: Projection, w: usize, h: usize| -> f64 {
+        let sum = |p: PanoramaProjection, w: usize, h: usize| -> f64 {
             (0..w * h).map(|at| p.solid_angle(w, h, at % w, at / w)).sum()
         };
-        assert!((sum(Projection::Equirectangular, 200, 100) / (4.0 * PI) - 1.0).abs() < 1e-4);
-        assert!((sum(Projection::Equirectangular, 200, 50) / (2.0 * PI) - 1.0).abs() < 1e-4);
-        assert!((sum(Projection::Fisheye { field: PI }, 401, 401) / (2.0 * PI) - 1.0).abs() < 2e-3);
+        assert!((sum(PanoramaProjection::Equirectangular, 200, 100) / (4.0 * PI) - 1.0).abs() < 1e-4);
+        assert!((sum(PanoramaProjection::Equirectangular, 200, 50) / (2.0 * PI) - 1.0).abs() < 1e-4);
+        assert!((sum(PanoramaProjection::Fisheye { field: PI }, 401, 401) / (2.0 * PI) - 1.0).abs() < 2e-3);
     }
 
     #[test]
@@ -123,12 +123,12 @@ mod tests {
             let d = d.unwrap();
             assert!((0..3).all(|k| (d[k] - want[k]).abs() < 0.01), "{d:?} {want:?}");
         };
-        let e = Projection::Equirectangular;
+        let e = PanoramaProjection::Equirectangular;
         near(e.direction(2000, 1000, 999, 499), [1.0, 0.0, 0.0]);
         near(e.direction(2000, 1000, 1499, 499), [0.0, -1.0, 0.0]);
         near(e.direction(2000, 1000, 0, 0), [0.0, 0.0, 1.0]);
         near(e.direction(2000, 500, 499, 499), [0.0, 1.0, 0.0]);
-        let f = Projection::Fisheye { field: PI };
+        let f = PanoramaProjection::Fisheye { field: PI };
         near(f.direction(1001, 1001, 500, 500), [0.0, 0.0, 1.0]);
         near(f.direction(1001, 1001, 500, 0), [1.0, 0.0, 0.0]);
         near(f.direction(1001, 1001, 1000, 500), [0.0, 1.0, 0.0]);

@@ -1,15 +1,15 @@
 //! The files that a panorama's fit writes: `fit.toml`, `times.toml`, and `all.exr` (fate, reduced χ² and relative
 //! residuals of every pixel).
 
-use super::picture::{self, Channels, Picture};
-use super::projection::{Projection, ProjectionKind};
-use super::{Found, NAMES, clipped};
-use crate::record::maker::{self, Maker};
-use crate::record::{FitKind, Param, Residuals, Section};
+use super::picture::{self, PanoramaChannels, PanoramaReadings};
+use super::projection::{PanoramaProjection, PanoramaProjectionKind};
+use super::{NAMES, PanoramaFit, clipped};
+use crate::record::maker::{self, FitMaker};
+use crate::record::{FitKind, FitParameter, RecordSection, ResidualStatistics};
 use crate::sky::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_files::picture::{self as files, Request};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll_files::picture::{self as files, PictureRequest};
 use mesophyll_files::table::Status;
 use mesophyll_sky::preetham;
 use std::collections::BTreeMap;
@@ -19,11 +19,11 @@ use std::path::Path;
 #[derive(Debug, Clone)]
 pub struct Options {
     /// Which directions the pixels look in.
-    pub projection: ProjectionKind,
+    pub projection: PanoramaProjectionKind,
     /// With a fisheye: the whole angle across the circle (degrees).
     pub field_deg: f64,
     /// Which channels hold the readings and the mask.
-    pub channels: Channels,
+    pub channels: PanoramaChannels,
     /// Relative standard error of a reading, above 0 and below 1, where it is known.
     pub noise: Option<f64>,
 }
@@ -34,14 +34,14 @@ pub struct Options {
 /// # Errors
 /// A picture that cannot be read or holds no sky; a noise out of range; a folder that cannot be written or that holds
 /// something else.
-pub fn make(path: &Path, out: &Path, options: &Options) -> Result<Found> {
+pub fn make(path: &Path, out: &Path, options: &Options) -> Result<PanoramaFit> {
     let (path, inputs, options) = (path.to_path_buf(), [path], options.clone());
     maker::make(FitKind::Panorama, out, &inputs, move |maker| {
-        let projection = Projection::of(options.projection, options.field_deg);
+        let projection = PanoramaProjection::of(options.projection, options.field_deg);
         let picture = maker.phase("read", || {
             let names: Vec<&str> = options.channels.radiance.iter().map(String::as_str).collect();
             let fits = |w, h| projection.check(w, h).map_err(|why| Error::field(&path, "size", why));
-            let read = files::read(&path, &Request { names: &names, all: true, outside: f32::NAN }, fits)?;
+            let read = files::read(&path, &PictureRequest { names: &names, all: true, outside: f32::NAN }, fits)?;
             files::tell(&path, &read.said);
             picture::read(&path, &read.maps, projection, &options.channels)
         })?;
@@ -62,10 +62,10 @@ pub fn make(path: &Path, out: &Path, options: &Options) -> Result<Found> {
 
 impl Options {
     /// The options as `fit.toml` has them.
-    fn told(&self, picture: &Picture) -> BTreeMap<String, String> {
+    fn told(&self, picture: &PanoramaReadings) -> BTreeMap<String, String> {
         let mut told = BTreeMap::new();
         told.insert("projection".to_string(), self.projection.to_string());
-        if self.projection == ProjectionKind::Fisheye {
+        if self.projection == PanoramaProjectionKind::Fisheye {
             told.insert("field_deg".into(), self.field_deg.to_string());
         }
         told.insert("channels".into(), self.channels.radiance.join(","));
@@ -77,7 +77,7 @@ impl Options {
 }
 
 /// The sun's disk in words, or why none was seen.
-pub fn disk_in_words(found: &Found) -> String {
+pub fn disk_in_words(found: &PanoramaFit) -> String {
     match &found.disk {
         Err(why) => format!("not seen: {why}"),
         Ok(disk) => format!(
@@ -91,7 +91,12 @@ pub fn disk_in_words(found: &Found) -> String {
     }
 }
 
-fn write(maker: &mut Maker, picture: &Picture, found: &Found, told: BTreeMap<String, String>) -> Result<()> {
+fn write(
+    maker: &mut FitMaker,
+    picture: &PanoramaReadings,
+    found: &PanoramaFit,
+    told: BTreeMap<String, String>,
+) -> Result<()> {
     let map = maker.begin()?.join("all.exr");
     write_exr(&map, &maps(picture, found), Packing::Zip)?;
     let mut record = maker.record("sky panorama");
@@ -114,9 +119,9 @@ fn write(maker: &mut Maker, picture: &Picture, found: &Found, told: BTreeMap<Str
     maker.finish(&record)
 }
 
-fn section(picture: &Picture, found: &Found) -> Section {
+fn section(picture: &PanoramaReadings, found: &PanoramaFit) -> RecordSection {
     let u = &found.fit.uncertainty;
-    let mut all = Section { condition: Some(u.condition), rank: Some(u.rank), ..Section::default() };
+    let mut all = RecordSection { condition: Some(u.condition), rank: Some(u.rank), ..RecordSection::default() };
     let why = match &found.status {
         Status::Undetermined(text) => text.clone(),
         _ => String::new(),
@@ -132,12 +137,12 @@ fn section(picture: &Picture, found: &Found) -> Section {
         let undetermined = if found.status.leaves_open(name) { vec![format!("{name}: {why}")] } else { Vec::new() };
         all.params.insert(
             (*name).into(),
-            Param {
+            FitParameter {
                 value: vec![k.value * unit],
                 stderr: vec![k.error * unit],
                 unit: word.into(),
                 undetermined,
-                ..Param::default()
+                ..FitParameter::default()
             },
         );
     }
@@ -163,7 +168,7 @@ fn section(picture: &Picture, found: &Found) -> Section {
         .fold((0.0, 0), |a, b| if b.0 > a.0 { b } else { a });
     all.residuals.insert(
         "radiance".into(),
-        Residuals {
+        ResidualStatistics {
             samples: found.samples,
             chi2: u.chi2,
             reduced_chi2: u.reduced_chi2,
@@ -179,8 +184,8 @@ fn section(picture: &Picture, found: &Found) -> Section {
     all
 }
 
-fn maps(picture: &Picture, found: &Found) -> Maps {
-    let mut maps = Maps::new(picture.width, picture.height);
+fn maps(picture: &PanoramaReadings, found: &PanoramaFit) -> ChannelMaps {
+    let mut maps = ChannelMaps::new(picture.width, picture.height);
     maps.push("mask.Y", found.fate.clone());
     maps.push("reduced_chi2.Y", found.pixel_chi2.clone());
     let names: &[&str] =

@@ -1,17 +1,17 @@
 //! Panoramas with a known answer. Any [`Sky`] is evaluated by its own code (not the fit's), turned and scaled, with
 //! seeded noise, the sun's disk, and a sensor that clips.
 
-use super::projection::Projection;
-use mesophyll_base::random::Stream;
-use mesophyll_files::image::Maps;
-use mesophyll_sky::{Sky, irradiance, project};
+use super::projection::PanoramaProjection;
+use mesophyll_base::random::RandomStream;
+use mesophyll_files::image::ChannelMaps;
+use mesophyll_sky::{Sky, irradiance, projection};
 use std::f64::consts::PI;
 
 /// What is rendered, and with which settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shot {
+pub struct PanoramaShot {
     /// Which directions the pixels look in.
-    pub projection: Projection,
+    pub projection: PanoramaProjection,
     /// Columns of the picture.
     pub width: usize,
     /// Rows of the picture.
@@ -32,10 +32,10 @@ pub struct Shot {
     pub clip: f64,
 }
 
-impl Default for Shot {
+impl Default for PanoramaShot {
     fn default() -> Self {
-        Shot {
-            projection: Projection::Equirectangular,
+        PanoramaShot {
+            projection: PanoramaProjection::Equirectangular,
             width: 256,
             height: 128,
             azimuth: 0.0,
@@ -54,19 +54,19 @@ const SUN_RADIUS: f64 = 0.00465;
 const SUN_RADIANCE: f64 = 1.6e6;
 
 /// Channels R, G, B. Pixels outside a fisheye's circle are NaN.
-pub fn render(sky: &dyn Sky, shot: &Shot) -> Maps {
+pub fn render(sky: &dyn Sky, shot: &PanoramaShot) -> ChannelMaps {
     let (w, h) = (shot.width, shot.height);
     let (sin, cos) = shot.azimuth.sin_cos();
     let sun = sky.sun_zenith();
     let ground: [f64; 3] = if shot.ground > 0.0 {
-        irradiance::on_level_ground(&project::direct(sky, 2)).map(|e| shot.ground * e / PI)
+        irradiance::on_level_ground(&projection::direct(sky, 2)).map(|e| shot.ground * e / PI)
     } else {
         [0.0; 3]
     };
     // Width of a pixel in the middle of the picture. The disk lights each pixel by the share of it that it covers.
     let pixel = match shot.projection {
-        Projection::Equirectangular => 2.0 * PI / w as f64,
-        Projection::Fisheye { field } => field / w as f64,
+        PanoramaProjection::Equirectangular => 2.0 * PI / w as f64,
+        PanoramaProjection::Fisheye { field } => field / w as f64,
     };
     let reach = SUN_RADIUS.max(0.71 * pixel);
     let disk = SUN_RADIANCE * (SUN_RADIUS / reach).powi(2);
@@ -81,14 +81,14 @@ pub fn render(sky: &dyn Sky, shot: &Shot) -> Maps {
             if shot.disk && d[2] > 0.0 && mesophyll_sky::angle_to_sun(sun, turned) < reach {
                 rgb = rgb.map(|v| v + disk);
             }
-            let mut stream = Stream::new(shot.seed, &[at as u64]);
+            let mut stream = RandomStream::new(shot.seed, &[at as u64]);
             let ([a, b], [c, _]) = (stream.normal_pair(), stream.normal_pair());
             for (k, z) in [a, b, c].into_iter().enumerate() {
                 planes[k][at] = (shot.scale * rgb[k] * (1.0 + shot.noise * z)).min(shot.clip) as f32;
             }
         }
     }
-    let mut maps = Maps::new(w, h);
+    let mut maps = ChannelMaps::new(w, h);
     for (name, plane) in ["R", "G", "B"].into_iter().zip(planes) {
         maps.push(name, plane);
     }

@@ -1,16 +1,16 @@
 //! Where the descents begin. A coarse search over suns and turbidities is judged by the median of absolute log ratios,
 //! which clouds and trees do not move. Then robust descents start from the best few.
 
-use super::descent::{Chart, modelled};
-use super::picture::{Picture, Pixel, median};
-use mesophyll_base::solve::{Closure, Options, Termination, Trace, lm};
-use mesophyll_sky::preetham::{Turbid, xyz_from_separable};
+use super::descent::{SunChart, modelled};
+use super::picture::{PanoramaPixel, PanoramaReadings, median};
+use mesophyll_base::solvers::{ClosureProblem, Options, Termination, Trace, lm};
+use mesophyll_sky::preetham::{PreethamTurbidity, xyz_from_separable};
 use mesophyll_sky::{colour, sun_direction};
 use std::f64::consts::TAU;
 
 /// A guess of sun, turbidity and scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Guess {
+pub struct PanoramaGuess {
     pub zenith: f64,
     pub azimuth: f64,
     pub turbidity: f64,
@@ -36,22 +36,22 @@ const TURN: f64 = 2.0;
 const LEAST_NOISE: f64 = 0.03;
 
 /// The result of the descents from all starts.
-pub struct Starts {
+pub struct PanoramaStarts {
     /// Distinct minima by rising cost.
-    pub guesses: Vec<Guess>,
+    pub guesses: Vec<PanoramaGuess>,
     pub failed: usize,
     pub trace: Trace,
     pub evaluations: usize,
 }
 
 /// Every n-th pixel, with n such that about `count` remain.
-fn thinned(pixels: &[Pixel], count: usize) -> Vec<Pixel> {
+fn thinned(pixels: &[PanoramaPixel], count: usize) -> Vec<PanoramaPixel> {
     let step = (pixels.len() as f64 / count as f64).max(1.0);
     (0..pixels.len().min(count)).map(|k| pixels[((k as f64 + 0.5) * step) as usize % pixels.len()]).collect()
 }
 
 /// Candidates with rising score, each far enough from the better ones.
-fn coarse(picture: &Picture) -> Vec<Guess> {
+fn coarse(picture: &PanoramaReadings) -> Vec<PanoramaGuess> {
     // The brightest place is an additional candidate.
     let peak = picture.pixels.iter().max_by(|a, b| a.value[0].total_cmp(&b.value[0]));
     let mut suns: Vec<(f64, f64)> = ZENITHS
@@ -66,26 +66,26 @@ fn coarse(picture: &Picture) -> Vec<Guess> {
 }
 
 /// The start for a sun whose zenith angle and azimuth are known; nothing where no sky of the model comes near.
-pub fn held(picture: &Picture, zenith: f64, azimuth: f64) -> Starts {
+pub fn held(picture: &PanoramaReadings, zenith: f64, azimuth: f64) -> PanoramaStarts {
     let guesses = scored(picture, &[(zenith, azimuth)]);
-    Starts { guesses, failed: 0, trace: Trace::new(), evaluations: 0 }
+    PanoramaStarts { guesses, failed: 0, trace: Trace::new(), evaluations: 0 }
 }
 
 /// The best turbidity and scale of each sun (zenith angle, azimuth).
-fn scored(picture: &Picture, suns: &[(f64, f64)]) -> Vec<Guess> {
+fn scored(picture: &PanoramaReadings, suns: &[(f64, f64)]) -> Vec<PanoramaGuess> {
     let pixels = thinned(&picture.pixels, FEW);
     let bright: Vec<f64> = pixels
         .iter()
         .map(|p| if picture.channels == 3 { colour::xyz_from_rgb(p.value)[1] } else { p.value[0] })
         .map(|v| if v > 0.0 { v.ln() } else { f64::NAN })
         .collect();
-    let turbids = TURBIDITIES.map(Turbid::new);
-    let mut all: Vec<Guess> = Vec::new();
+    let turbids = TURBIDITIES.map(PreethamTurbidity::new);
+    let mut all: Vec<PanoramaGuess> = Vec::new();
     let (mut ratios, mut spread) = (Vec::new(), Vec::new());
     for &(zenith, azimuth) in suns {
         let sun = turned(sun_direction(zenith), azimuth);
         let gammas: Vec<f64> = pixels.iter().map(|p| angle(p.d, sun)).collect();
-        let mut best: Option<Guess> = None;
+        let mut best: Option<PanoramaGuess> = None;
         for turbid in &turbids {
             let p = turbid.prefactors(zenith);
             ratios.clear();
@@ -101,15 +101,15 @@ fn scored(picture: &Picture, suns: &[(f64, f64)]) -> Vec<Guess> {
             spread.extend(ratios.iter().map(|r| (r - middle).abs()));
             let cost = median(&mut spread);
             if cost.is_finite() && best.is_none_or(|b| cost < b.cost) {
-                best = Some(Guess { zenith, azimuth, turbidity: turbid.turbidity, scale: middle.exp(), cost });
+                best = Some(PanoramaGuess { zenith, azimuth, turbidity: turbid.turbidity, scale: middle.exp(), cost });
             }
         }
         all.extend(best);
     }
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let mut kept: Vec<Guess> = Vec::new();
+    let mut kept: Vec<PanoramaGuess> = Vec::new();
     for g in all {
-        let near = |k: &Guess| {
+        let near = |k: &PanoramaGuess| {
             angle(turned(sun_direction(k.zenith), k.azimuth), turned(sun_direction(g.zenith), g.azimuth)) < APART
         };
         if kept.len() < TRIES && !kept.iter().any(near) {
@@ -120,18 +120,18 @@ fn scored(picture: &Picture, suns: &[(f64, f64)]) -> Vec<Guess> {
 }
 
 /// Robust descents from the best candidates.
-pub fn find(picture: &Picture, noise: f64) -> Starts {
+pub fn find(picture: &PanoramaReadings, noise: f64) -> PanoramaStarts {
     let pixels = thinned(&picture.pixels, MORE);
     let channels = picture.channels;
     let level = noise.max(LEAST_NOISE);
     let mean = pixels.iter().map(|p| p.value[0]).sum::<f64>() / pixels.len() as f64;
     let sigma: Vec<f64> =
         pixels.iter().flat_map(|p| (0..channels).map(move |k| level * (p.value[k].abs() + 0.1 * mean))).collect();
-    let mut out = Starts { guesses: Vec::new(), failed: 0, trace: Trace::new(), evaluations: 0 };
+    let mut out = PanoramaStarts { guesses: Vec::new(), failed: 0, trace: Trace::new(), evaluations: 0 };
     let mut best = f64::INFINITY;
     for guess in coarse(picture) {
-        let chart = Chart::at(guess.zenith, guess.azimuth);
-        let problem = Closure::new(4, pixels.len() * channels, |p: &[f64], r: &mut [f64]| {
+        let chart = SunChart::at(guess.zenith, guess.azimuth);
+        let problem = ClosureProblem::new(4, pixels.len() * channels, |p: &[f64], r: &mut [f64]| {
             modelled(chart, p, &pixels, channels, r);
             for (i, r) in r.iter_mut().enumerate() {
                 let z = (*r - pixels[i / channels].value[i % channels]) / sigma[i];
@@ -158,16 +158,17 @@ pub fn find(picture: &Picture, noise: f64) -> Starts {
             continue;
         }
         let (zenith, azimuth) = chart.sun(&fit.params);
-        let found = Guess { zenith, azimuth, turbidity: fit.params[2], scale: fit.params[3].exp(), cost: fit.cost };
+        let found =
+            PanoramaGuess { zenith, azimuth, turbidity: fit.params[2], scale: fit.params[3].exp(), cost: fit.cost };
         if fit.cost < best {
             (best, out.trace) = (fit.cost, fit.trace);
         }
         out.guesses.push(found);
     }
     out.guesses.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let mut distinct: Vec<Guess> = Vec::new();
+    let mut distinct: Vec<PanoramaGuess> = Vec::new();
     for g in &out.guesses {
-        let same = |k: &Guess| {
+        let same = |k: &PanoramaGuess| {
             angle(turned(sun_direction(k.zenith), k.azimuth), turned(sun_direction(g.zenith), g.azimuth)) < 0.05
         };
         if !distinct.iter().any(same) {

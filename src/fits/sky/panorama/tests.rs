@@ -1,26 +1,26 @@
-use super::picture::{Channels, read};
-use super::projection::Projection;
-use super::render::{Shot, render};
+use super::picture::{PanoramaChannels, read};
+use super::projection::PanoramaProjection;
+use super::render::{PanoramaShot, render};
 use super::*;
-use mesophyll_files::image::Maps;
-use mesophyll_sky::{HosekWilkie, Model, Preetham};
+use mesophyll_files::image::ChannelMaps;
+use mesophyll_sky::{HosekWilkie, Preetham, SkyFamily};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::path::Path;
 
-fn shot(seed: u64) -> Shot {
-    Shot { width: 32, height: 16, azimuth: 0.7, scale: 0.8, noise: 0.02, seed, ..Shot::default() }
+fn shot(seed: u64) -> PanoramaShot {
+    PanoramaShot { width: 32, height: 16, azimuth: 0.7, scale: 0.8, noise: 0.02, seed, ..PanoramaShot::default() }
 }
 
-fn seen(maps: &Maps, projection: Projection) -> Picture {
-    read(Path::new("p.exr"), maps, projection, &Channels::default()).unwrap()
+fn seen(maps: &ChannelMaps, projection: PanoramaProjection) -> PanoramaReadings {
+    read(Path::new("p.exr"), maps, projection, &PanoramaChannels::default()).unwrap()
 }
 
-fn found(sky: &dyn mesophyll_sky::Sky, shot: &Shot, noise: Option<f64>) -> Found {
+fn found(sky: &dyn mesophyll_sky::Sky, shot: &PanoramaShot, noise: Option<f64>) -> PanoramaFit {
     fit(&seen(&render(sky, shot), shot.projection), noise).unwrap()
 }
 
-fn off(f: &Found, truth: [f64; 4]) -> [f64; 4] {
+fn off(f: &PanoramaFit, truth: [f64; 4]) -> [f64; 4] {
     let turn = (f.sun_azimuth.value - truth[1] + PI).rem_euclid(2.0 * PI) - PI;
     [f.sun_zenith.value - truth[0], turn, f.turbidity.value - truth[2], f.scale.value / truth[3] - 1.0]
 }
@@ -29,8 +29,10 @@ fn off(f: &Found, truth: [f64; 4]) -> [f64; 4] {
 #[test]
 fn an_exact_panorama_gives_its_sky_back() {
     for (zenith, azimuth, turbidity) in [(0.05, 0.4, 3.0), (0.8, -2.9, 2.2), (1.2, 3.1, 5.0), (1.5, 1.0, 3.0)] {
-        for (projection, height) in [(Projection::Equirectangular, 16), (Projection::Fisheye { field: PI }, 32)] {
-            let shot = Shot { projection, height, azimuth, noise: 0.0, ..shot(0) };
+        for (projection, height) in
+            [(PanoramaProjection::Equirectangular, 16), (PanoramaProjection::Fisheye { field: PI }, 32)]
+        {
+            let shot = PanoramaShot { projection, height, azimuth, noise: 0.0, ..shot(0) };
             let f = found(&Preetham.at(zenith, turbidity).unwrap(), &shot, Some(0.01));
             let e = off(&f, [zenith, azimuth, turbidity, 0.8]);
             println!("{zenith} {projection:?}: {e:?} {}", f.status);
@@ -52,7 +54,7 @@ fn stated_errors_cover() {
         .map(|seed| {
             let part = |k: u64| ((seed * 2_654_435_761 + k * 40_503) % 1000) as f64 / 1000.0;
             let (zenith, azimuth, turbidity) = (0.4 + 0.95 * part(1), PI * (2.0 * part(2) - 1.0), 2.3 + 3.5 * part(3));
-            let shot = Shot { width: 20, height: 10, azimuth, ..shot(seed) };
+            let shot = PanoramaShot { width: 20, height: 10, azimuth, ..shot(seed) };
             let f = found(&Preetham.at(zenith, turbidity).unwrap(), &shot, Some(0.02));
             let e = off(&f, [zenith, azimuth, turbidity, 0.8]);
             let s = [f.sun_zenith.error, f.sun_azimuth.error, f.turbidity.error, f.scale.error / f.scale.value];
@@ -70,7 +72,7 @@ fn stated_errors_cover() {
 #[test]
 fn hidden_halves_and_clouds_do_not_move_the_sun() {
     let sky = Preetham.at(0.9, 3.0).unwrap();
-    let shot = Shot { width: 64, height: 32, ..shot(5) };
+    let shot = PanoramaShot { width: 64, height: 32, ..shot(5) };
     let mut maps = render(&sky, &shot);
     for (_, plane) in &mut maps.channels {
         for at in 0..64 * 32 {
@@ -100,7 +102,7 @@ fn hidden_halves_and_clouds_do_not_move_the_sun() {
 fn the_sun_itself_does_no_harm_clipped_or_not() {
     let sky = Preetham.at(0.7, 3.0).unwrap();
     for clip in [f64::INFINITY, 20.0] {
-        let shot = Shot { width: 128, height: 64, disk: true, clip, ..shot(3) };
+        let shot = PanoramaShot { width: 128, height: 64, disk: true, clip, ..shot(3) };
         let f = found(&sky, &shot, None);
         let e = off(&f, [0.7, 0.7, 3.0, 0.8]);
         println!(
@@ -121,7 +123,7 @@ fn the_sun_itself_does_no_harm_clipped_or_not() {
 #[test]
 fn another_sky_is_a_misfit_by_name() {
     let sky = HosekWilkie { albedo: [0.2; 3] }.sky(0.8, 3.0).unwrap();
-    let shot = Shot { width: 64, height: 32, noise: 0.01, ..shot(9) };
+    let shot = PanoramaShot { width: 64, height: 32, noise: 0.01, ..shot(9) };
     let f = found(sky.as_ref(), &shot, None);
     println!(
         "outliers {} {:?} {:?} {:?} chi2 {:.1} rms {:.3} {}",
@@ -142,7 +144,7 @@ fn another_sky_is_a_misfit_by_name() {
 #[test]
 fn a_patch_determines_less_and_says_so() {
     let sky = Preetham.at(0.9, 3.0).unwrap();
-    let shot = Shot { width: 64, height: 32, noise: 0.05, ..shot(2) };
+    let shot = PanoramaShot { width: 64, height: 32, noise: 0.05, ..shot(2) };
     let mut maps = render(&sky, &shot);
     for (_, plane) in &mut maps.channels {
         (0..64 * 32)
@@ -158,38 +160,38 @@ fn a_patch_determines_less_and_says_so() {
 fn bad_pictures_are_sentences() {
     let shot = shot(1);
     let good = render(&Preetham.at(0.9, 3.0).unwrap(), &shot);
-    let say = |maps: &Maps, channels: &Channels| {
+    let say = |maps: &ChannelMaps, channels: &PanoramaChannels| {
         read(Path::new("p.exr"), maps, shot.projection, channels).unwrap_err().to_string()
     };
-    let named = Channels { radiance: vec!["R".into(), "G".into(), "X".into()], ..Channels::default() };
+    let named = PanoramaChannels { radiance: vec!["R".into(), "G".into(), "X".into()], ..PanoramaChannels::default() };
     assert!(say(&good, &named).contains("X: no such channel"));
-    let masked = Channels { mask: Some("sky".into()), ..Channels::default() };
+    let masked = PanoramaChannels { mask: Some("sky".into()), ..PanoramaChannels::default() };
     assert!(say(&good, &masked).contains("sky: no such channel"));
-    let two = Channels { radiance: vec!["R".into(), "G".into()], ..Channels::default() };
+    let two = PanoramaChannels { radiance: vec!["R".into(), "G".into()], ..PanoramaChannels::default() };
     assert!(say(&good, &two).contains("expected three"));
-    let mut odd = Maps::new(30, 16);
+    let mut odd = ChannelMaps::new(30, 16);
     ["R", "G", "B"].iter().for_each(|n| odd.push(*n, vec![1.0; 480]));
-    assert!(say(&odd, &Channels::default()).contains("2:1"));
+    assert!(say(&odd, &PanoramaChannels::default()).contains("2:1"));
     let mut all = good.clone();
     all.push("A", vec![0.0; 512]);
-    assert!(say(&all, &Channels::default()).contains("hidden"));
+    assert!(say(&all, &PanoramaChannels::default()).contains("hidden"));
     let mut dark = good.clone();
     // One negative pixel is left out, many are no radiance.
     dark.channels[1].1[40] = -0.5;
     assert_eq!(seen(&dark, shot.projection).hidden, 1);
     dark.channels[1].1[40..80].fill(-0.5);
-    assert!(say(&dark, &Channels::default()).contains("G: found -0.5 at column 8, row 1, and 40 of 256"));
+    assert!(say(&dark, &PanoramaChannels::default()).contains("G: found -0.5 at column 8, row 1, and 40 of 256"));
     let mut black = good.clone();
     black.channels.iter_mut().for_each(|c| c.1.fill(0.0));
-    assert!(say(&black, &Channels { saturation: Some(1.0), ..Channels::default() }).contains("black"));
+    assert!(say(&black, &PanoramaChannels { saturation: Some(1.0), ..PanoramaChannels::default() }).contains("black"));
     assert!(fit(&seen(&good, shot.projection), Some(-1.0)).unwrap_err().contains("--noise"));
 }
 
 /// A sky of another model with its sun's disk and the glare of a lens around it, ground below the horizon, clouds, and
 /// what the sensor cuts: a picture as a camera takes it.
-fn photograph(zenith: f64, azimuth: f64, clip: f64, seed: u64, width: usize) -> (Maps, Shot) {
+fn photograph(zenith: f64, azimuth: f64, clip: f64, seed: u64, width: usize) -> (ChannelMaps, PanoramaShot) {
     let sky = HosekWilkie { albedo: [0.2; 3] }.sky(zenith, 3.5).unwrap();
-    let shot = Shot { width, height: width / 2, azimuth, disk: true, ground: 0.2, noise: 0.01, ..shot(seed) };
+    let shot = PanoramaShot { width, height: width / 2, azimuth, disk: true, ground: 0.2, noise: 0.01, ..shot(seed) };
     let mut maps = render(sky.as_ref(), &shot);
     for at in 0..width * width / 4 {
         let [u, v] = [at % width, at / width].map(|k| k as f64 / width as f64);
@@ -205,7 +207,7 @@ fn photograph(zenith: f64, azimuth: f64, clip: f64, seed: u64, width: usize) -> 
 }
 
 /// Angle between a found sun and the true one.
-fn missed(f: &Found, zenith: f64, azimuth: f64) -> f64 {
+fn missed(f: &PanoramaFit, zenith: f64, azimuth: f64) -> f64 {
     let sun = |z: f64, a: f64| turned(sun_direction(z), a);
     angle(sun(f.sun_zenith.value, f.sun_azimuth.value), sun(zenith, azimuth))
 }
@@ -245,7 +247,7 @@ fn a_photograph_has_its_sun_where_the_disk_is() {
             error.to_degrees(),
             f.status
         );
-        assert!(f.sun_from == SunFrom::Disk && missed(&f, zenith, azimuth) < 2.5 * error);
+        assert!(f.sun_from == SunSource::Disk && missed(&f, zenith, azimuth) < 2.5 * error);
         assert!(f.status.leaves_open("turbidity") && f.status.leaves_open("scale"), "{}", f.status);
         assert!(!f.status.leaves_open("sun_zenith_deg") && !f.status.leaves_open("sun_azimuth_deg"));
     }
@@ -266,11 +268,11 @@ fn a_disk_behind_leaves_is_found_and_a_hot_pixel_is_none() {
     let sky = Preetham.at(0.9, 3.0).unwrap();
     let mut maps = render(&sky, &shot_of_lamps());
     maps.channels[2].1[20 * 128 + 90] = 1e4;
-    assert!(seen(&maps, Projection::Equirectangular).disk.is_err());
+    assert!(seen(&maps, PanoramaProjection::Equirectangular).disk.is_err());
 }
 
-fn shot_of_lamps() -> Shot {
-    Shot { width: 128, height: 64, ..shot(4) }
+fn shot_of_lamps() -> PanoramaShot {
+    PanoramaShot { width: 128, height: 64, ..shot(4) }
 }
 
 /// Several lamps are no sun. One lamp in a sky that says where its sun is is named, and does not become the sun.
@@ -282,14 +284,14 @@ fn lamps_are_not_taken_for_the_sun() {
         for (_, plane) in &mut maps.channels {
             lamps.iter().for_each(|at| plane[*at] = 3e4);
         }
-        let f = fit(&seen(&maps, Projection::Equirectangular), None).unwrap();
+        let f = fit(&seen(&maps, PanoramaProjection::Equirectangular), None).unwrap();
         println!("{} lamps: {:?} {}", lamps.len(), f.disk, f.status);
         f
     };
     let several = lit(&[10 * 128 + 20, 12 * 128 + 90, 25 * 128 + 70]);
-    assert!(several.disk.is_err() && several.sun_from == SunFrom::Sky && several.status == Status::Ok);
+    assert!(several.disk.is_err() && several.sun_from == SunSource::Sky && several.status == Status::Ok);
     let one = lit(&[10 * 128 + 100]);
-    assert!(one.disk.is_ok() && one.sun_from == SunFrom::Sky);
+    assert!(one.disk.is_ok() && one.sun_from == SunSource::Sky);
     assert!(one.status.leaves_open("sun_zenith_deg") && one.status.to_string().contains("lamp"), "{}", one.status);
     assert!(missed(&one, 0.9, 0.7) < 0.01);
     // A clear sky without its disk has a bright place, and no edge.
@@ -300,11 +302,11 @@ fn lamps_are_not_taken_for_the_sun() {
 #[test]
 fn a_sky_that_agrees_with_its_disk_is_described() {
     let sky = Preetham.at(0.7, 3.0).unwrap();
-    let shot = Shot { width: 128, height: 64, disk: true, ..shot(3) };
+    let shot = PanoramaShot { width: 128, height: 64, disk: true, ..shot(3) };
     let f = found(&sky, &shot, None);
-    assert!(f.described && f.status == Status::Ok && f.sun_from == SunFrom::Sky && f.disk.is_ok());
+    assert!(f.described && f.status == Status::Ok && f.sun_from == SunSource::Sky && f.disk.is_ok());
     // Few pixels beside the disk tell less of the sun than the disk itself.
-    let mut maps = render(&sky, &Shot { noise: 0.1, ..shot });
+    let mut maps = render(&sky, &PanoramaShot { noise: 0.1, ..shot });
     for (_, plane) in &mut maps.channels {
         (0..128 * 32).filter(|at| !(40..62).contains(&(at % 128)) || at / 128 > 18).for_each(|at| plane[at] = f32::NAN);
     }

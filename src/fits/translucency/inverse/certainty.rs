@@ -1,7 +1,7 @@
 //! What the photographs determine and what they do not: standard errors, correlations, and the weak directions in
 //! words.
 
-use mesophyll_base::solve::decompose;
+use mesophyll_base::solvers::decomposition;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Largest standard error of a logarithm that still counts as determined.
@@ -12,7 +12,7 @@ const RANK: f64 = 1e-12;
 /// How well the photographs determine the parameters: the logarithms of the coefficients and of the scale, in the order
 /// of [`names`].
 #[derive(Debug, Clone, Default)]
-pub struct Certainty {
+pub struct TissueCertainty {
     /// Names of the parameters, as [`names`] makes them.
     pub names: Vec<String>,
     /// Standard error of each logarithm, which is the relative standard error of its parameter; infinite where nothing
@@ -27,14 +27,14 @@ pub struct Certainty {
     /// The factor by which the standard errors from noise were multiplied because of a misfit.
     pub misfit: f64,
     /// Directions that may change by more than [`DETERMINED`].
-    pub weak: Vec<Weak>,
+    pub weak: Vec<WeakCombination>,
     /// Which parameters ended at a limit of the search.
     pub at_limit: Vec<bool>,
 }
 
 /// A combination of parameters that the photographs hardly determine.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Weak {
+pub struct WeakCombination {
     /// Exponents of the parameters, of length 1.
     pub exponents: Vec<f64>,
     /// Standard error of the logarithm of their product; infinite where a change of it has no effect at all.
@@ -57,13 +57,13 @@ pub fn judge(
     scatter: &DMatrix<f64>,
     names: &[String],
     at_limit: &[bool],
-) -> Certainty {
+) -> TissueCertainty {
     let n = names.len();
     let root: Vec<f64> = (0..n).map(|k| if matrix[(k, k)] > 0.0 { matrix[(k, k)].sqrt() } else { 1.0 }).collect();
     let decompose = |matrix: DMatrix<f64>| {
         // A matrix that is not finite says nothing: every eigenvalue counts as zero, and every parameter as
         // undetermined.
-        decompose::symmetric_eigen(matrix)
+        decomposition::symmetric_eigen(matrix)
             .unwrap_or_else(|| SymmetricEigen { eigenvectors: DMatrix::identity(n, n), eigenvalues: DVector::zeros(n) })
     };
     let scaled = decompose(DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] / (root[i] * root[j])));
@@ -87,18 +87,22 @@ pub fn judge(
     };
     let plain = decompose(matrix.clone());
     let top = plain.eigenvalues.max();
-    let mut weak: Vec<Weak> = (0..n)
+    let mut weak: Vec<WeakCombination> = (0..n)
         .filter_map(|k| {
             let l = plain.eigenvalues[k];
             let vector: Vec<f64> = plain.eigenvectors.column(k).iter().copied().collect();
             let own = plain.eigenvectors.column(k).dot(&(scatter * plain.eigenvectors.column(k)));
             let stderr = if l > RANK * top { (misfit * misfit / l + own / (l * l)).sqrt() } else { f64::INFINITY };
-            (!(stderr <= DETERMINED)).then(|| Weak { text: describe(&vector, names), exponents: vector, stderr })
+            (!(stderr <= DETERMINED)).then(|| WeakCombination {
+                text: describe(&vector, names),
+                exponents: vector,
+                stderr,
+            })
         })
         .collect();
     weak.sort_by(|a, b| b.stderr.total_cmp(&a.stderr));
     let smallest = scaled.eigenvalues.min();
-    Certainty {
+    TissueCertainty {
         names: names.to_vec(),
         correlation: (0..n).map(|i| (0..n).map(|j| correlate(i, j)).collect()).collect(),
         stderr,
@@ -138,7 +142,7 @@ fn describe(vector: &[f64], names: &[String]) -> String {
     product.join(" ")
 }
 
-impl Certainty {
+impl TissueCertainty {
     /// Why parameter `k`, which has this value, is not determined; `None` where it is.
     pub fn undetermined(&self, k: usize, value: f64) -> Option<String> {
         let (name, stderr) = (&self.names[k], self.stderr[k]);

@@ -1,21 +1,21 @@
 //! What a fit of the tissue writes into `fit.toml` and `times.toml`. There is one section, `all`, and there are no
 //! maps.
 
-use super::compare::{Difference, Slab, explain};
-use super::run::{Options, Truth};
-use super::{Fitted, Incidence, Measured, Tissues};
-use crate::record::{FitRecord, Param, Section, Times, TruthError};
-use mesophyll_optics::translucency::convolve::Totals;
+use super::comparison::{SlabDifference, SlabReference, explain};
+use super::run::{Options, TissueFitTruth};
+use super::{BeamIncidence, TissueCoefficients, TissueFit, TissueMeasurement};
+use crate::record::{FitParameter, FitRecord, FitTimes, RecordSection, TruthError};
+use mesophyll_optics::translucency::convolution::TotalsSource;
 
 /// Writes the result into the record.
 pub fn describe(
     record: &mut FitRecord,
-    measured: &Measured,
-    fitted: &Fitted,
+    measured: &TissueMeasurement,
+    fitted: &TissueFit,
     options: &Options,
-    slab: &Slab,
-    differences: &[Difference],
-    truth: Option<&Truth>,
+    slab: &SlabReference,
+    differences: &[SlabDifference],
+    truth: Option<&TissueFitTruth>,
 ) {
     record.termination = Some(fitted.termination);
     let names: Vec<&str> = measured.channels.iter().map(|c| c.name.as_str()).collect();
@@ -23,10 +23,10 @@ pub fn describe(
     say("channels", names.join(" "));
     say("entry", options.entry.name().into());
     say("form", "thin".into());
-    say("totals", if options.fit.totals == Totals::Transport { "transport" } else { "form" }.into());
+    say("totals", if options.fit.totals == TotalsSource::Transport { "transport" } else { "form" }.into());
     say(
         "incidence",
-        if options.fit.incidence == Incidence::Slant { "each beam's own" } else { "along the normal" }.into(),
+        if options.fit.incidence == BeamIncidence::Slant { "each beam's own" } else { "along the normal" }.into(),
     );
     say("levels", options.fit.levels.to_string());
     say("thickness_scale", if options.fit.fix_scale { "fixed" } else { "fitted" }.into());
@@ -44,18 +44,18 @@ pub fn describe(
 }
 
 fn section(
-    measured: &Measured,
-    fitted: &Fitted,
+    measured: &TissueMeasurement,
+    fitted: &TissueFit,
     options: &Options,
-    slab: &Slab,
-    differences: &[Difference],
-    truth: Option<&Truth>,
-) -> Section {
+    slab: &SlabReference,
+    differences: &[SlabDifference],
+    truth: Option<&TissueFitTruth>,
+) -> RecordSection {
     let (t, certainty) = (&fitted.tissues, &fitted.certainty);
-    let mut s = Section {
+    let mut s = RecordSection {
         condition: Some(certainty.condition).filter(|c| c.is_finite()),
         rank: Some(certainty.rank),
-        ..Section::default()
+        ..RecordSection::default()
     };
     let channels = t.sigma_a.len();
     let place = |c: usize, q: usize| 2 * c + q;
@@ -65,20 +65,20 @@ fn section(
                 .undetermined(place(c, q), value[c])
                 .map(|why| why.replacen("sigma_s.", &format!("{shown}."), usize::from(q == 1)))
         });
-        let param = Param {
+        let param = FitParameter {
             stderr: (0..channels).map(|c| value[c] * certainty.stderr[place(c, q)]).collect(),
             undetermined: undetermined.collect(),
             unit: unit.into(),
             value: value.iter().map(|v| v * factor).collect(),
-            ..Param::default()
+            ..FitParameter::default()
         };
         let stderr = param.stderr.iter().map(|e| e * factor).collect();
-        s.params.insert(name.into(), Param { stderr, ..param });
+        s.params.insert(name.into(), FitParameter { stderr, ..param });
     };
     put("sigma_a", "1/mm", 0, t.sigma_a.clone(), 1.0, "sigma_a");
     put("sigma_s_reduced", "1/mm", 1, t.reduced.clone(), 1.0, "sigma_s_reduced");
     put("sigma_s", "1/mm", 1, t.reduced.clone(), 1.0 / (1.0 - options.g), "sigma_s");
-    let g = Param {
+    let g = FitParameter {
         value: vec![f64::NAN],
         stderr: vec![f64::INFINITY],
         unit: String::new(),
@@ -86,17 +86,17 @@ fn section(
             "g: only (1 - g) sigma_s is in the model, in its unscattered light too; sigma_s is for g = {}",
             options.g
         )],
-        ..Param::default()
+        ..FitParameter::default()
     };
     s.params.insert("g".into(), g);
     let scale = match options.fit.fix_scale {
-        true => Param { value: vec![t.scale], stderr: vec![0.0], ..Param::default() },
-        false => Param {
+        true => FitParameter { value: vec![t.scale], stderr: vec![0.0], ..FitParameter::default() },
+        false => FitParameter {
             value: vec![t.scale],
             stderr: vec![t.scale * certainty.stderr[2 * channels]],
             unit: String::new(),
             undetermined: certainty.undetermined(2 * channels, t.scale).into_iter().collect(),
-            ..Param::default()
+            ..FitParameter::default()
         },
     };
     s.params.insert("thickness_scale".into(), scale);
@@ -156,14 +156,14 @@ fn section(
 }
 
 /// Largest relative error of any parameter.
-pub fn off(found: &Tissues, truth: &Tissues) -> f64 {
+pub fn off(found: &TissueCoefficients, truth: &TissueCoefficients) -> f64 {
     let pairs = found.sigma_a.iter().zip(&truth.sigma_a).chain(found.reduced.iter().zip(&truth.reduced));
     pairs.map(|(a, b)| (a / b - 1.0).abs()).fold((found.scale / truth.scale - 1.0).abs(), f64::max)
 }
 
 /// The trace, with errors to the truth where it is known.
-pub fn times(times: &mut Times, fitted: &Fitted, truth: Option<&Truth>) {
-    let row = |(row, point): (&mesophyll_base::solve::TraceRow, &Tissues)| {
+pub fn times(times: &mut FitTimes, fitted: &TissueFit, truth: Option<&TissueFitTruth>) {
+    let row = |(row, point): (&mesophyll_base::solvers::TraceRow, &TissueCoefficients)| {
         let mut row = *row;
         row.truth_error = truth.map(|t| off(point, &t.0));
         row

@@ -22,7 +22,7 @@
 //! near a border of the picture that the leaf extends beyond.
 
 mod certainty;
-mod compare;
+mod comparison;
 mod folder;
 mod model;
 mod rounds;
@@ -30,18 +30,18 @@ pub mod run;
 pub mod synthetic;
 mod thickness;
 
-pub use certainty::Certainty;
+pub use certainty::TissueCertainty;
 pub use model::logarithms;
 pub use rounds::fit;
 pub use thickness::ThicknessErrors;
 
-use crate::record::Residuals;
-use mesophyll_base::solve::{Termination, Trace};
-use mesophyll_optics::translucency::convolve::Totals;
+use crate::record::ResidualStatistics;
+use mesophyll_base::solvers::{Termination, Trace};
+use mesophyll_optics::translucency::convolution::TotalsSource;
 
 /// One channel of one photograph, in the lit side's columns, row by row.
 #[derive(Debug, Clone)]
-pub struct Image {
+pub struct TissueImage {
     /// Which of the thickness maps the light enters.
     pub map: usize,
     /// Irradiance that enters, relative to that of a plane that faces the light.
@@ -58,18 +58,18 @@ pub struct Image {
 
 /// The photographs of one wavelength.
 #[derive(Debug, Clone)]
-pub struct Channel {
+pub struct TissueChannel {
     /// Name of the channel: `R`, `G` or `B`.
     pub name: String,
     /// Boundary term A ≥ 1.
     pub a: f64,
     /// This channel of every photograph.
-    pub images: Vec<Image>,
+    pub images: Vec<TissueImage>,
 }
 
 /// Everything that was measured.
 #[derive(Debug, Clone)]
-pub struct Measured {
+pub struct TissueMeasurement {
     /// Columns of every photograph and map.
     pub width: usize,
     /// Size of a texel on the blade (mm).
@@ -79,14 +79,14 @@ pub struct Measured {
     /// The known errors of these maps.
     pub thickness_errors: ThicknessErrors,
     /// The readings, a channel each.
-    pub channels: Vec<Channel>,
+    pub channels: Vec<TissueChannel>,
     /// Noise of the readings.
-    pub noise: Noise,
+    pub noise: TissueNoise,
 }
 
 /// Noise of a reading: its standard deviation is √((relative·value)² + floor²).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Noise {
+pub struct TissueNoise {
     /// The part that grows with the reading, as a share of it.
     pub relative: f64,
     /// The part that every reading has, in the unit of the readings (1 is a white sheet that faces the beam).
@@ -95,14 +95,14 @@ pub struct Noise {
     pub known: bool,
 }
 
-impl Noise {
+impl TissueNoise {
     /// For exact values: all texels have the same relative weight.
-    pub const EXACT: Noise = Noise { relative: 0.01, floor: 0.0, known: false };
+    pub const EXACT: TissueNoise = TissueNoise { relative: 0.01, floor: 0.0, known: false };
 }
 
 /// The start of a fit, or a truth.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tissues {
+pub struct TissueCoefficients {
     /// Absorption coefficient σa (1/mm), a channel each.
     pub sigma_a: Vec<f64>,
     /// Reduced scattering coefficient σs′ = (1 − g) σs (1/mm), a channel each.
@@ -125,7 +125,7 @@ pub struct Tissues {
     strum::IntoStaticStr,
 )]
 #[strum(serialize_all = "kebab-case")]
-pub enum Incidence {
+pub enum BeamIncidence {
     /// Each beam's own
     Slant,
     /// Along the normal for every beam, as the renderers assume
@@ -138,9 +138,9 @@ pub struct Options {
     /// Thickness levels.
     pub levels: usize,
     /// Where the total transmittance is taken from.
-    pub totals: Totals,
+    pub totals: TotalsSource,
     /// With the transport equation's totals: the incidence for which they are computed.
-    pub incidence: Incidence,
+    pub incidence: BeamIncidence,
     /// Takes the thickness map as it is and fits no factor on it.
     pub fix_scale: bool,
     /// Largest number of rounds of descent.
@@ -153,8 +153,8 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             levels: 8,
-            totals: Totals::Transport,
-            incidence: Incidence::Slant,
+            totals: TotalsSource::Transport,
+            incidence: BeamIncidence::Slant,
             fix_scale: false,
             rounds: 12,
             told: false,
@@ -164,21 +164,21 @@ impl Default for Options {
 
 /// The result of the fit.
 #[derive(Debug, Clone)]
-pub struct Fitted {
+pub struct TissueFit {
     /// The coefficients and the thickness scale that fit best.
-    pub tissues: Tissues,
+    pub tissues: TissueCoefficients,
     /// Certainty of the logarithms: σa and σs′ of each channel, then the scale unless it was fixed.
-    pub certainty: Certainty,
+    pub certainty: TissueCertainty,
     /// How the search ended.
     pub termination: Termination,
     /// The steps of the search, each with its cost.
     pub trace: Trace,
     /// The parameters (not their logarithms) of each row of the trace.
-    pub points: Vec<Tissues>,
+    pub points: Vec<TissueCoefficients>,
     /// How often the cost was evaluated with its gradient, plus the number of Jacobians.
     pub evaluations: usize,
     /// Residuals of each channel, in the order of the channels.
-    pub residuals: Vec<Residuals>,
+    pub residuals: Vec<ResidualStatistics>,
     /// χ² of all readings over the degrees of freedom; to be compared with `expected_chi2`.
     pub reduced_chi2: f64,
     /// Reduced χ² that is expected from the noise of the readings and the stated errors of the thickness maps.

@@ -1,14 +1,14 @@
 //! Cost, gradient and Gauss–Newton matrix of the photographs' misfit to the convolution, in ln σa and ln σs′ (a channel
 //! each) and ln of the scale.
 
-use super::{Image, Incidence, Measured, Options, Tissues};
+use super::{BeamIncidence, Options, TissueCoefficients, TissueImage, TissueMeasurement};
 use crate::translucency::Result;
-use mesophyll_base::solve::lbfgs::{Normal, Smooth};
+use mesophyll_base::solvers::lbfgs::{DifferentiableCost, NormalEquations};
 use mesophyll_files::progress;
-use mesophyll_optics::dipole::{Form, Tissue};
-use mesophyll_optics::translucency::convolve::support;
-use mesophyll_optics::translucency::levels::Levels;
-use mesophyll_optics::translucency::tangent::{PARTIALS, Source, Stage, Tangent};
+use mesophyll_optics::dipole::{DipoleForm, Tissue};
+use mesophyll_optics::translucency::convolution::support;
+use mesophyll_optics::translucency::levels::ThicknessLevels;
+use mesophyll_optics::translucency::tangent::{PARTIALS, SourceImage, TangentStage, TransportTangent};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -19,10 +19,10 @@ pub const SCALE: [f64; 2] = [-2.3, 2.3];
 /// Share of the light that leaves beyond the kernels' reach and is given to the outermost texels.
 const TAIL: f64 = 1e-6;
 
-pub struct Model<'a> {
-    pub measured: &'a Measured,
+pub struct TissueFitModel<'a> {
+    pub measured: &'a TissueMeasurement,
     options: Options,
-    stage: Stage,
+    stage: TangentStage,
     scale: f64,
     /// Cosines of incidence, each listed once.
     incidences: Vec<f64>,
@@ -33,52 +33,74 @@ pub struct Model<'a> {
 }
 
 /// Logarithms of the parameters that are searched for.
-pub fn logarithms(tissues: &Tissues, options: &Options) -> Vec<f64> {
+pub fn logarithms(tissues: &TissueCoefficients, options: &Options) -> Vec<f64> {
     let pairs = tissues.sigma_a.iter().zip(&tissues.reduced).flat_map(|(a, s)| [a.ln(), s.ln()]);
     pairs.chain((!options.fix_scale).then(|| tissues.scale.ln())).collect()
 }
 
 /// The tissues of logarithms `p`. `scale` is used where the scale is not searched for.
-pub fn tissues(p: &[f64], options: &Options, scale: f64) -> Tissues {
+pub fn tissues(p: &[f64], options: &Options, scale: f64) -> TissueCoefficients {
     let (pairs, last) = if options.fix_scale { (p, scale) } else { (&p[..p.len() - 1], p[p.len() - 1].exp()) };
-    Tissues {
+    TissueCoefficients {
         sigma_a: pairs.iter().step_by(2).map(|v| v.exp()).collect(),
         reduced: pairs.iter().skip(1).step_by(2).map(|v| v.exp()).collect(),
         scale: last,
     }
 }
 
-fn reach_mm(measured: &Measured, at: &Tissues, tail: f64) -> f64 {
+fn reach_mm(measured: &TissueMeasurement, at: &TissueCoefficients, tail: f64) -> f64 {
     let thickest = measured.thickness.iter().flatten().fold(0.0, |m: f64, d| m.max(*d));
     let each = measured.channels.iter().zip(at.sigma_a.iter().zip(&at.reduced)).map(|(c, (sigma_a, reduced))| {
-        support(&Tissue { sigma_a: *sigma_a, sigma_s: *reduced, g: 0.0, a: c.a }, Form::Thin, at.scale * thickest, tail)
+        support(
+            &Tissue { sigma_a: *sigma_a, sigma_s: *reduced, g: 0.0, a: c.a },
+            DipoleForm::Thin,
+            at.scale * thickest,
+            tail,
+        )
     });
     each.fold(0.0, f64::max)
 }
 
-impl<'a> Model<'a> {
+impl<'a> TissueFitModel<'a> {
     /// A model whose kernels have the reach that tissues about `at` need; each reading's sd is computed from the
     /// reading itself.
-    pub fn new(measured: &'a Measured, options: &Options, at: &Tissues) -> Result<Model<'a>> {
-        let levels = Levels { count: options.levels, ..Levels::default() };
+    pub fn new(
+        measured: &'a TissueMeasurement,
+        options: &Options,
+        at: &TissueCoefficients,
+    ) -> Result<TissueFitModel<'a>> {
+        let levels = ThicknessLevels { count: options.levels, ..ThicknessLevels::default() };
         let reach = (1.3 * reach_mm(measured, at, 0.1 * TAIL)).max(4.0 * measured.texel_mm);
         let mut incidences = Vec::new();
         for cosine in measured
             .channels
             .iter()
             .flat_map(|c| &c.images)
-            .map(|i| if options.incidence == Incidence::Slant { i.cosine } else { 1.0 })
+            .map(|i| if options.incidence == BeamIncidence::Slant { i.cosine } else { 1.0 })
         {
             if !incidences.contains(&cosine) {
                 incidences.push(cosine);
             }
         }
-        let stage =
-            Stage::new(measured.width, measured.texel_mm, measured.thickness.clone(), &incidences, levels, reach)?;
+        let stage = TangentStage::new(
+            measured.width,
+            measured.texel_mm,
+            measured.thickness.clone(),
+            &incidences,
+            levels,
+            reach,
+        )?;
         let count =
             measured.channels.iter().flat_map(|c| &c.images).map(|i| i.used.iter().filter(|u| **u).count()).sum();
-        let mut model =
-            Model { measured, options: *options, stage, scale: at.scale, incidences, inverse: Vec::new(), count };
+        let mut model = TissueFitModel {
+            measured,
+            options: *options,
+            stage,
+            scale: at.scale,
+            incidences,
+            inverse: Vec::new(),
+            count,
+        };
         model.weigh(
             &measured.channels.iter().map(|c| c.images.iter().map(|i| i.seen.clone()).collect()).collect::<Vec<_>>(),
         );
@@ -86,7 +108,7 @@ impl<'a> Model<'a> {
     }
 
     /// Whether the kernels reach as far as light goes in these tissues.
-    pub fn reaches(&self, at: &Tissues) -> bool {
+    pub fn reaches(&self, at: &TissueCoefficients) -> bool {
         let (reach, closed) = self.stage.reach_mm();
         !closed || reach >= reach_mm(self.measured, at, TAIL)
     }
@@ -118,7 +140,7 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    pub fn tissues(&self, p: &[f64]) -> Tissues {
+    pub fn tissues(&self, p: &[f64]) -> TissueCoefficients {
         tissues(p, &self.options, self.scale)
     }
 
@@ -126,8 +148,8 @@ impl<'a> Model<'a> {
     ///
     /// # Errors
     /// As [`Model::new`].
-    pub fn on<'b>(&self, measured: &'b Measured, p: &[f64]) -> Result<Model<'b>> {
-        let mut model = Model::new(measured, &self.options, &self.tissues(p))?;
+    pub fn on<'b>(&self, measured: &'b TissueMeasurement, p: &[f64]) -> Result<TissueFitModel<'b>> {
+        let mut model = TissueFitModel::new(measured, &self.options, &self.tissues(p))?;
         model.scale = self.scale;
         model.inverse.clone_from(&self.inverse);
         Ok(model)
@@ -138,17 +160,17 @@ impl<'a> Model<'a> {
         self.options.fix_scale
     }
 
-    fn tangent(&self, at: &Tissues, c: usize) -> Result<Tangent<'_>> {
+    fn tangent(&self, at: &TissueCoefficients, c: usize) -> Result<TransportTangent<'_>> {
         let tissue = Tissue { sigma_a: at.sigma_a[c], sigma_s: at.reduced[c], g: 0.0, a: self.measured.channels[c].a };
         self.stage.at(&tissue, self.options.totals, at.scale)
     }
 
-    fn sources(&self, c: usize) -> Vec<Source<'_>> {
-        let place = |i: &Image| self.incidences.iter().position(|mu| *mu == i.cosine).unwrap_or(0);
+    fn sources(&self, c: usize) -> Vec<SourceImage<'_>> {
+        let place = |i: &TissueImage| self.incidences.iter().position(|mu| *mu == i.cosine).unwrap_or(0);
         self.measured.channels[c]
             .images
             .iter()
-            .map(|i| Source { map: i.map, incidence: place(i), light: &i.light })
+            .map(|i| SourceImage { map: i.map, incidence: place(i), light: &i.light })
             .collect()
     }
 
@@ -263,7 +285,7 @@ impl<'a> Model<'a> {
     ///
     /// # Errors
     /// As [`Model::images`].
-    pub fn normal(&self, p: &[f64]) -> Result<Normal> {
+    pub fn normal(&self, p: &[f64]) -> Result<NormalEquations> {
         let at = self.tissues(p);
         let one = |c: usize| -> Result<(f64, [f64; 3], [[f64; 3]; 3])> {
             let (tangent, sources) = (self.tangent(&at, c)?, self.sources(c));
@@ -287,7 +309,7 @@ impl<'a> Model<'a> {
         };
         let parts: Vec<_> = (0..self.measured.channels.len()).into_par_iter().map(one).collect::<Result<_>>()?;
         let n = p.len();
-        let mut normal = Normal { cost: 0.0, gradient: DVector::zeros(n), matrix: DMatrix::zeros(n, n) };
+        let mut normal = NormalEquations { cost: 0.0, gradient: DVector::zeros(n), matrix: DMatrix::zeros(n, n) };
         for (c, (cost, gradient, matrix)) in parts.into_iter().enumerate() {
             normal.cost += cost;
             for (a, &i) in self.places(c).iter().enumerate().filter(|(_, i)| **i < n) {
@@ -315,7 +337,7 @@ impl<'a> Model<'a> {
     }
 }
 
-impl Smooth for Model<'_> {
+impl DifferentiableCost for TissueFitModel<'_> {
     fn parameters(&self) -> usize {
         2 * self.measured.channels.len() + usize::from(!self.options.fix_scale)
     }

@@ -1,13 +1,13 @@
 //! Rounds of L-BFGS. Each begins with the Gauss–Newton matrix at the point where the last one ended, which gives the
 //! coordinates, and with the sds that the model has there.
 
-use super::certainty::{self, Certainty};
-use super::model::{Model, logarithms};
-use super::{Fitted, Measured, Options, Tissues, thickness};
-use crate::record::Residuals;
+use super::certainty::{self, TissueCertainty};
+use super::model::{TissueFitModel, logarithms};
+use super::{Options, TissueCoefficients, TissueFit, TissueMeasurement, thickness};
+use crate::record::ResidualStatistics;
 use crate::translucency::{Error, Result};
-use mesophyll_base::solve::lbfgs::{self, Limits, Normal};
-use mesophyll_base::solve::{Termination, decompose};
+use mesophyll_base::solvers::lbfgs::{self, DescentLimits, NormalEquations};
+use mesophyll_base::solvers::{Termination, decomposition};
 use mesophyll_files::progress;
 
 /// A fit is done when the distance to the minimum, in standard errors, is below this; a round goes on to the second
@@ -22,7 +22,7 @@ const STEP: f64 = 1.0;
 /// # Errors
 /// [`Error::Missed`] where no reading counts, the photographs do not depend on the tissue, the model has no value at
 /// the start, or the search does not converge. Then the reason is named and no numbers are given.
-pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fitted> {
+pub fn fit(measured: &TissueMeasurement, start: &TissueCoefficients, options: &Options) -> Result<TissueFit> {
     let channels = measured.channels.len();
     if channels == 0 || start.sigma_a.len() != channels || start.reduced.len() != channels {
         return Err(Error::Usage(format!(
@@ -34,13 +34,13 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
     if !p.iter().all(|v| v.is_finite()) {
         return Err(Error::Usage(format!("start {start:?}; expected coefficients and a scale above 0")));
     }
-    let mut model = Model::new(measured, options, start)?;
+    let mut model = TissueFitModel::new(measured, options, start)?;
     if model.count <= p.len() {
         return Err(Error::Missed(format!("{} readings for {} unknowns: nothing was fitted", model.count, p.len())));
     }
-    let mut out = Fitted {
+    let mut out = TissueFit {
         tissues: start.clone(),
-        certainty: Certainty::default(),
+        certainty: TissueCertainty::default(),
         termination: Termination::IterationLimit,
         trace: Vec::new(),
         points: Vec::new(),
@@ -50,14 +50,14 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         expected_chi2: f64::NAN,
     };
     let (mut damping, mut elapsed, mut last) = (0.0, 0.0, None);
-    let bar = progress::Bar::of("rounds of the search");
+    let bar = progress::TaskProgress::of("rounds of the search");
     for round in 0..=options.rounds {
         progress::go_on()?;
         bar.advance(1);
         if round > 0 {
             // In the first round the sds are those of the readings, because the model may be far off.
             if !model.reaches(&model.tissues(&p)) {
-                model = Model::new(measured, options, &model.tissues(&p))?;
+                model = TissueFitModel::new(measured, options, &model.tissues(&p))?;
             }
             model.reweigh(&p)?;
         }
@@ -74,7 +74,7 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
         if size == 0.0 {
             return Err(Error::Missed("the photographs do not depend on the tissue (flat); nothing was fitted".into()));
         }
-        let Some(eigen) = decompose::symmetric_eigen(normal.matrix.clone()) else {
+        let Some(eigen) = decomposition::symmetric_eigen(normal.matrix.clone()) else {
             return Err(Error::Missed(
                 "the model's slopes are not finite where the search is (not_finite); nothing was fitted".into(),
             ));
@@ -102,7 +102,7 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
             last = Some(normal);
             break;
         }
-        let limits = Limits { gradient: ROUND * unit, iterations: 40 };
+        let limits = DescentLimits { gradient: ROUND * unit, iterations: 40 };
         let found = lbfgs::round(&model, &mut p, &normal, &eigen, &mut damping, STEP, limits);
         for (row, point) in found.trace.iter().zip(&found.points) {
             let mut row = *row;
@@ -132,7 +132,13 @@ pub fn fit(measured: &Measured, start: &Tissues, options: &Options) -> Result<Fi
     Ok(out)
 }
 
-fn finish(out: &mut Fitted, model: &Model, p: &[f64], normal: &Normal, options: &Options) -> Result<()> {
+fn finish(
+    out: &mut TissueFit,
+    model: &TissueFitModel,
+    p: &[f64],
+    normal: &NormalEquations,
+    options: &Options,
+) -> Result<()> {
     let measured = model.measured;
     let residuals = model.residuals(p)?;
     let freedom = (model.count - p.len()) as f64;
@@ -152,7 +158,7 @@ fn finish(out: &mut Fitted, model: &Model, p: &[f64], normal: &Normal, options: 
     let scatter = factor * &spread.scatter + &spread.shift * spread.shift.transpose();
     out.tissues = model.tissues(p);
     for (c, channel) in residuals.iter().enumerate() {
-        let mut r = Residuals::default();
+        let mut r = ResidualStatistics::default();
         let (mut squares, mut worst) = (0.0, vec![(0.0, 0usize); measured.thickness[0].len()]);
         for (i, image) in channel.iter().enumerate() {
             let inverse = &model.inverse_sd()[c][i];

@@ -1,16 +1,16 @@
 //! `fit tissue`: reads photographs under beams and a leaf fit, and writes a record.
 
-use super::compare::{Slab, differences};
-use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues, folder};
-use crate::leaf_folder::{File, fill};
-use crate::record::maker::{self, Maker, Outcome};
+use super::comparison::{SlabReference, differences};
+use super::{ThicknessErrors, TissueChannel, TissueCoefficients, TissueImage, TissueMeasurement, TissueNoise, folder};
+use crate::leaf_folder::{LeafFitFile, filling};
+use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::record::{FitKind, FitRecord};
-use crate::translucency::Area;
+use crate::translucency::TexelArea;
 use crate::translucency::side::{lit, surface};
-use crate::translucency::source::{Frame, SideMaps, Source};
-use crate::translucency::tissue::{Entry, TABLE, mean};
+use crate::translucency::source::{DirectionFrame, TranslucencyLeaf, TranslucencySideMaps};
+use crate::translucency::tissue::{LightEntry, TABLE, mean};
 use crate::translucency::{Error, Result};
-use mesophyll_capture::beams::Capture;
+use mesophyll_capture::beams::BeamsCapture;
 use mesophyll_capture::dome::noise;
 use mesophyll_files::image::{read_exr, read_exr_rows};
 use mesophyll_files::quantity::Quantity;
@@ -25,7 +25,7 @@ use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 /// Where the search begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Start {
+pub enum TissueFitStart {
     /// The leaf fit's slab; the table's tissue where the slab is not determined.
     #[default]
     Slab,
@@ -41,9 +41,9 @@ pub struct Options {
     /// The g for which σs is stated.
     pub g: f64,
     /// How much light enters a texel.
-    pub entry: Entry,
+    pub entry: LightEntry,
     /// Where the search begins.
-    pub start: Start,
+    pub start: TissueFitStart,
     /// Readings within this distance (mm) of a picture border that the leaf extends beyond are left out. `None` means
     /// six mean thicknesses.
     pub margin_mm: Option<f64>,
@@ -56,8 +56,8 @@ impl Default for Options {
         Options {
             fit: super::Options::default(),
             g: 0.0,
-            entry: Entry::Matched,
-            start: Start::Slab,
+            entry: LightEntry::Matched,
+            start: TissueFitStart::Slab,
             margin_mm: None,
             force: false,
         }
@@ -66,7 +66,7 @@ impl Default for Options {
 
 /// What a synthetic capture was made from.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Truth(pub Tissues);
+pub struct TissueFitTruth(pub TissueCoefficients);
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
@@ -75,15 +75,15 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 /// # Errors
 /// Inputs that cannot be read or do not belong together (exit code 2); a search that does not converge or has nothing
 /// to fit (1); a folder that cannot be written (2).
-pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<Outcome> {
+pub fn run(beams: &Path, blade: &Path, out: &Path, options: &Options) -> Result<FitOutcome> {
     let (capture, leaf, options) = (beams.to_path_buf(), blade.to_path_buf(), *options);
     maker::make(FitKind::Tissue, out, &[beams, blade], move |maker| fit(&capture, &leaf, &options, maker))
 }
 
-fn fit(beams: &Path, blade: &Path, options: &Options, maker: &mut Maker) -> Result<Outcome> {
+fn fit(beams: &Path, blade: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutcome> {
     let step = Instant::now();
-    let capture = Capture::open(beams)?;
-    let source = Source::read(blade, Frame::Photograph)?;
+    let capture = BeamsCapture::open(beams)?;
+    let source = TranslucencyLeaf::read(blade, DirectionFrame::Photograph)?;
     let told = format!("{:?}", Options { force: false, ..*options });
     let made_from = [("beams", capture.hash()?), ("leaf", source.hash.clone()), ("options", told)];
     let input = maker::input_hash(made_from.iter().map(|(name, hash)| (*name, hash.as_str())));
@@ -108,7 +108,7 @@ fn fit(beams: &Path, blade: &Path, options: &Options, maker: &mut Maker) -> Resu
     folder::times(&mut maker.times, &fitted, truth.as_ref());
     maker.begin()?;
     maker.finish(&record)?;
-    Ok(Outcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(Box::new(record)))
 }
 
 /// The photographs on the blade: light, geometry, and the readings that count.
@@ -116,7 +116,7 @@ fn fit(beams: &Path, blade: &Path, options: &Options, maker: &mut Maker) -> Resu
 /// # Errors
 /// [`Error::Input`] for a blade of another size, a lit side that the leaf fit does not hold, or photographs without a
 /// reading that counts.
-pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result<Measured> {
+pub fn measured(capture: &BeamsCapture, source: &TranslucencyLeaf, options: &Options) -> Result<TissueMeasurement> {
     let m = &capture.manifest;
     let file = capture.folder.join("capture.toml");
     if (m.width, m.height) != (source.width, source.height) {
@@ -134,12 +134,12 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
             format!("found {}, expected {} as the leaf fit's", m.texel_mm, source.texel_mm),
         ));
     }
-    let side = |k: usize, name: Side| -> Result<&SideMaps> {
+    let side = |k: usize, name: Side| -> Result<&TranslucencySideMaps> {
         let missing =
             || Error::field(&file, &format!("beam {}: lit", k + 1), format!("the leaf fit holds no {}", name.name()));
         source.side(name).ok_or_else(missing)
     };
-    let mut lit_sides: Vec<&SideMaps> = Vec::new();
+    let mut lit_sides: Vec<&TranslucencySideMaps> = Vec::new();
     for (k, beam) in m.beams.iter().enumerate() {
         let side = side(k, beam.lit)?;
         if !lit_sides.iter().any(|s| s.name == side.name) {
@@ -147,45 +147,47 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
         }
     }
     // Shadows do not depend on the wavelength.
-    let horizons: Vec<Horizon> =
-        lit_sides.iter().map(|s| Horizon::new(&lit(source, s, &surface(s, 0, Entry::Matched, Area::Facet)))).collect();
+    let horizons: Vec<Horizon> = lit_sides
+        .iter()
+        .map(|s| Horizon::new(&lit(source, s, &surface(s, 0, LightEntry::Matched, TexelArea::Facet))))
+        .collect();
     let counted: Vec<Vec<bool>> = lit_sides.iter().map(|s| counted(s, source, options)).collect();
     let mut channels = Vec::new();
     for (c, name) in RGB.iter().enumerate() {
         let mut images = Vec::new();
         for (k, beam) in m.beams.iter().enumerate() {
             let map = lit_sides.iter().position(|s| s.name == beam.lit).unwrap_or(0);
-            let entering = surface(lit_sides[map], c, options.entry, Area::Facet);
+            let entering = surface(lit_sides[map], c, options.entry, TexelArea::Facet);
             let light =
                 irradiance(&lit(source, lit_sides[map], &entering), &horizons[map], beam.direction(), Visibility::Hard);
             let exit = match options.entry {
-                Entry::Matched => vec![1.0; source.width * source.height],
-                Entry::Albedo => {
+                LightEntry::Matched => vec![1.0; source.width * source.height],
+                LightEntry::Albedo => {
                     let other = if beam.lit == Side::Front { Side::Back } else { Side::Front };
                     let seen = source.side(other).ok_or_else(|| {
                         let need =
                             format!("--entry albedo needs the {}'s reflectance; the leaf fit holds none", other.name());
                         Error::field(&file, &format!("beam {}: lit", k + 1), need)
                     })?;
-                    mirror(&surface(seen, c, Entry::Albedo, Area::Texel).entry, source.width)
+                    mirror(&surface(seen, c, LightEntry::Albedo, TexelArea::Texel).entry, source.width)
                 }
             };
             let seen = capture.photographs[k][c].clone();
             let used = seen.iter().zip(&counted[map]).map(|(v, u)| *u && v.is_finite()).collect();
-            images.push(Image { map, light, cosine: beam.direction()[2].clamp(1e-3, 1.0), exit, seen, used });
+            images.push(TissueImage { map, light, cosine: beam.direction()[2].clamp(1e-3, 1.0), exit, seen, used });
         }
         let a = match options.entry {
-            Entry::Matched => 1.0,
-            Entry::Albedo => {
+            LightEntry::Matched => 1.0,
+            LightEntry::Albedo => {
                 let rho = mean(&lit_sides[0].rho_d[c], &lit_sides[0].mask).clamp(0.0, 0.99);
                 (1.0 + rho) / (1.0 - rho)
             }
         };
-        channels.push(Channel { name: (*name).into(), a, images });
+        channels.push(TissueChannel { name: (*name).into(), a, images });
     }
     let noise = noise_of(m.noise_relative, m.noise_floor, &channels, source.width);
     let thickness = lit_sides.iter().map(|s| s.thickness.clone()).collect();
-    Ok(Measured {
+    Ok(TissueMeasurement {
         width: source.width,
         texel_mm: source.texel_mm,
         thickness,
@@ -199,7 +201,12 @@ pub fn measured(capture: &Capture, source: &Source, options: &Options) -> Result
 ///
 /// # Errors
 /// [`Error::Input`] for a map of errors that is missing, damaged or of another size.
-fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: &Measured) -> Result<ThicknessErrors> {
+fn thickness_errors(
+    blade: &Path,
+    capture: &BeamsCapture,
+    source: &TranslucencyLeaf,
+    measured: &TissueMeasurement,
+) -> Result<ThicknessErrors> {
     let mut out = ThicknessErrors::default();
     let mut first: Option<Side> = None;
     for beam in &capture.manifest.beams {
@@ -207,7 +214,7 @@ fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: 
             continue;
         }
         first.get_or_insert(beam.lit);
-        let path = File::Errors.path(blade, beam.lit);
+        let path = LeafFitFile::Errors.path(blade, beam.lit);
         let (w, h) = (source.width, source.height);
         let maps = read_exr_rows(&path, Some(&[&Quantity::Thickness.channel(0)]), None)?;
         maps.require_size(&path, w, h)?;
@@ -216,7 +223,7 @@ fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: 
         let each = each.iter().zip(&known).map(|(e, known)| if *known { f64::from(*e) } else { 0.0 });
         // A texel that took its neighbour's thickness takes the neighbour's error as well.
         let mut planes = [each.collect()];
-        fill::nearest(&mut planes, &known, w, h);
+        filling::nearest(&mut planes, &known, w, h);
         out.each.extend(planes);
     }
     let record = FitRecord::read(blade)?;
@@ -236,7 +243,7 @@ fn thickness_errors(blade: &Path, capture: &Capture, source: &Source, measured: 
 }
 
 /// The stated noise; only weights for exact values; an estimate where nothing is stated.
-fn noise_of(relative: Option<f64>, floor: Option<f64>, channels: &[Channel], width: usize) -> Noise {
+fn noise_of(relative: Option<f64>, floor: Option<f64>, channels: &[TissueChannel], width: usize) -> TissueNoise {
     match (relative, floor) {
         (None, None) => {
             let mut each: Vec<f64> = channels
@@ -247,16 +254,16 @@ fn noise_of(relative: Option<f64>, floor: Option<f64>, channels: &[Channel], wid
                 .map(|(sd, level)| sd / level)
                 .collect();
             let relative = noise::median(&mut each);
-            if relative > 0.0 { Noise { relative, floor: 0.0, known: false } } else { Noise::EXACT }
+            if relative > 0.0 { TissueNoise { relative, floor: 0.0, known: false } } else { TissueNoise::EXACT }
         }
-        (r, f) if r.unwrap_or(0.0) == 0.0 && f.unwrap_or(0.0) == 0.0 => Noise::EXACT,
-        (r, f) => Noise { relative: r.unwrap_or(0.0), floor: f.unwrap_or(0.0), known: true },
+        (r, f) if r.unwrap_or(0.0) == 0.0 && f.unwrap_or(0.0) == 0.0 => TissueNoise::EXACT,
+        (r, f) => TissueNoise { relative: r.unwrap_or(0.0), floor: f.unwrap_or(0.0), known: true },
     }
 }
 
 /// Texels of a lit side that count: on the leaf with all their neighbours, and away from borders of the picture that
 /// the leaf extends beyond.
-fn counted(side: &SideMaps, source: &Source, options: &Options) -> Vec<bool> {
+fn counted(side: &TranslucencySideMaps, source: &TranslucencyLeaf, options: &Options) -> Vec<bool> {
     let (w, h) = (source.width, source.height);
     let margin = options.margin_mm.unwrap_or(6.0 * source.thickness_mm) / source.texel_mm;
     let margin = margin.ceil() as usize;
@@ -278,7 +285,7 @@ fn counted(side: &SideMaps, source: &Source, options: &Options) -> Vec<bool> {
 }
 
 /// The leaf fit's coefficients of the first side, with their errors.
-fn slab(blade: &Path, source: &Source) -> Result<Slab> {
+fn slab(blade: &Path, source: &TranslucencyLeaf) -> Result<SlabReference> {
     let side = &source.sides[0];
     let record = FitRecord::read(blade)?;
     let errors = |name: &str| {
@@ -290,7 +297,7 @@ fn slab(blade: &Path, source: &Source) -> Result<Slab> {
             .unwrap_or_default();
         if found.len() == 3 { found } else { vec![f64::NAN; 3] }
     };
-    Ok(Slab {
+    Ok(SlabReference {
         sigma_a: side.sigma_a.to_vec(),
         sigma_s: side.sigma_s.to_vec(),
         sigma_a_err: errors("sigma_a"),
@@ -298,11 +305,11 @@ fn slab(blade: &Path, source: &Source) -> Result<Slab> {
     })
 }
 
-fn start(slab: &Slab, options: &Options) -> Tissues {
+fn start(slab: &SlabReference, options: &Options) -> TissueCoefficients {
     let table = [TABLE[0], (1.0 - TABLE[2]) * TABLE[1]];
     let usable = |v: f64| v.is_finite() && v > 1e-4 && v < 500.0;
-    let pick = |v: f64, other: f64| if options.start == Start::Slab && usable(v) { v } else { other };
-    Tissues {
+    let pick = |v: f64, other: f64| if options.start == TissueFitStart::Slab && usable(v) { v } else { other };
+    TissueCoefficients {
         sigma_a: slab.sigma_a.iter().map(|v| pick(*v, table[0])).collect(),
         reduced: slab.sigma_s.iter().map(|v| pick(*v, table[1])).collect(),
         scale: 1.0,
@@ -310,7 +317,7 @@ fn start(slab: &Slab, options: &Options) -> Tissues {
 }
 
 /// σ and thickness that a synthetic capture was made from, where σ does not vary over the leaf.
-fn truth(capture: &Capture, source: &Source) -> Option<Truth> {
+fn truth(capture: &BeamsCapture, source: &TranslucencyLeaf) -> Option<TissueFitTruth> {
     let side = source.sides.first()?;
     let maps = read_exr(&mesophyll_capture::truth_path(&capture.folder, side.name)).ok()?;
     let mask: Vec<bool> = maps.scalar(Quantity::Mask)?.iter().zip(&side.mask).map(|(v, m)| *v > 0.0 && *m).collect();
@@ -323,5 +330,9 @@ fn truth(capture: &Capture, source: &Source) -> Option<Truth> {
     let all = |quantity| (0..3).map(|c| uniform(quantity, c)).collect::<Option<Vec<f64>>>();
     let thickness = mean(maps.scalar(Quantity::Thickness)?, &mask);
     let map = mean(&side.thickness.iter().map(|d| *d as f32).collect::<Vec<_>>(), &mask);
-    Some(Truth(Tissues { sigma_a: all(Quantity::SigmaA)?, reduced: all(Quantity::SigmaS)?, scale: thickness / map }))
+    Some(TissueFitTruth(TissueCoefficients {
+        sigma_a: all(Quantity::SigmaA)?,
+        reduced: all(Quantity::SigmaS)?,
+        scale: thickness / map,
+    }))
 }

@@ -2,16 +2,16 @@
 //! directions; the photographs are made by the convolver that renders, with more thickness levels and longer kernels
 //! than a fit uses, and with seeded Gaussian noise.
 
-use super::{Channel, Image, Measured, Noise, ThicknessErrors, Tissues};
+use super::{ThicknessErrors, TissueChannel, TissueCoefficients, TissueImage, TissueMeasurement, TissueNoise};
 use crate::translucency::Result;
-use mesophyll_base::random::Stream;
+use mesophyll_base::random::RandomStream;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::{Side, mirror};
-use mesophyll_optics::translucency::blade::Blade;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings, Totals};
+use mesophyll_optics::translucency::blade::BladeMaps;
+use mesophyll_optics::translucency::convolution::{ConvolutionSettings, Convolver, TotalsSource};
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
-use mesophyll_optics::translucency::levels::Levels;
+use mesophyll_optics::translucency::levels::ThicknessLevels;
 use mesophyll_optics::translucency::lights::raised;
 use mesophyll_synth::beams::slanting;
 
@@ -22,7 +22,7 @@ fn cosine(elevation: f64) -> f64 {
 
 /// The scene that is photographed.
 #[derive(Debug, Clone)]
-pub struct Scene {
+pub struct TissueScene {
     /// Columns and rows of every photograph.
     pub size: usize,
     /// Size of a texel (mm).
@@ -34,24 +34,24 @@ pub struct Scene {
     /// The lights: the side that each falls on, its elevation and its azimuth (rad).
     pub beams: Vec<(Side, f64, f64)>,
     /// The tissue that the photographs are made from.
-    pub truth: Tissues,
+    pub truth: TissueCoefficients,
     /// Relative standard error of a reading; 0 gives exact values.
     pub noise: f64,
     /// Seed of the noise.
     pub seed: u64,
 }
 
-impl Scene {
+impl TissueScene {
     /// A fine patch of the paper's leaf in one channel, with texels of .08 mm, one beam from straight above and one
     /// slanting beam.
-    pub fn fine(sigma_a: f64, reduced: f64) -> Scene {
-        Scene {
+    pub fn fine(sigma_a: f64, reduced: f64) -> TissueScene {
+        TissueScene {
             size: 24,
             texel_mm: 0.08,
             thickness_mm: 0.2,
             relief: 1.0,
             beams: vec![(Side::Front, 90f64.to_radians(), 0.0), (Side::Front, 45f64.to_radians(), 0.7)],
-            truth: Tissues { sigma_a: vec![sigma_a], reduced: vec![reduced], scale: 1.0 },
+            truth: TissueCoefficients { sigma_a: vec![sigma_a], reduced: vec![reduced], scale: 1.0 },
             noise: 0.0,
             seed: 1,
         }
@@ -70,11 +70,11 @@ impl Scene {
     }
 
     /// The blade between the heights of both sides.
-    pub fn blade(&self) -> Blade {
+    pub fn blade(&self) -> BladeMaps {
         let n = self.size * self.size;
         let [front, back] = self.heights();
         let back = mirror(&back, self.size);
-        Blade::from_heights(
+        BladeMaps::from_heights(
             self.size,
             self.size,
             self.texel_mm,
@@ -85,7 +85,7 @@ impl Scene {
     }
 
     /// The photographs without values: light and geometry. No texel within `border` of the map's edge counts.
-    pub fn frame(&self, border: usize) -> Measured {
+    pub fn frame(&self, border: usize) -> TissueMeasurement {
         let mut blade = self.blade();
         for side in [&mut blade.front, &mut blade.back] {
             // A slope receives the light of its own area, which is larger than the texel's.
@@ -98,7 +98,7 @@ impl Scene {
             let map = usize::from(side == Side::Back);
             let light =
                 irradiance(&blade.lit(side), &horizons[map], raised(elevation.sin(), azimuth), Visibility::Hard);
-            Image {
+            TissueImage {
                 map,
                 light,
                 cosine: cosine(elevation),
@@ -107,20 +107,23 @@ impl Scene {
                 used: (0..n * n).map(used).collect(),
             }
         };
-        let images: Vec<Image> = self.beams.iter().map(image).collect();
+        let images: Vec<TissueImage> = self.beams.iter().map(image).collect();
         let letters = ["R", "G", "B"];
-        let channels =
-            (0..self.truth.sigma_a.len()).map(|c| Channel { name: letters[c].into(), a: 1.0, images: images.clone() });
-        Measured {
+        let channels = (0..self.truth.sigma_a.len()).map(|c| TissueChannel {
+            name: letters[c].into(),
+            a: 1.0,
+            images: images.clone(),
+        });
+        TissueMeasurement {
             width: n,
             texel_mm: self.texel_mm,
             thickness: [Side::Front, Side::Back].map(|s| blade.lit(s).thickness.into_owned()).to_vec(),
             thickness_errors: ThicknessErrors::default(),
             channels: channels.collect(),
             noise: if self.noise > 0.0 {
-                Noise { relative: self.noise, floor: 0.1 * self.noise, known: true }
+                TissueNoise { relative: self.noise, floor: 0.1 * self.noise, known: true }
             } else {
-                Noise::EXACT
+                TissueNoise::EXACT
             },
         }
     }
@@ -129,13 +132,17 @@ impl Scene {
     ///
     /// # Errors
     /// A tissue that no kernel can be made of.
-    pub fn photograph(&self) -> Result<Measured> {
+    pub fn photograph(&self) -> Result<TissueMeasurement> {
         let mut measured = self.frame(0);
         for c in 0..measured.channels.len() {
             let tissue = Tissue { sigma_a: self.truth.sigma_a[c], sigma_s: self.truth.reduced[c], g: 0.0, a: 1.0 };
-            let levels = Levels { count: 14, ..Levels::default() };
-            let settings =
-                Settings { levels, totals: Totals::Transport, tail: 1e-9, ..Settings::new(tissue, self.texel_mm) };
+            let levels = ThicknessLevels { count: 14, ..ThicknessLevels::default() };
+            let settings = ConvolutionSettings {
+                levels,
+                totals: TotalsSource::Transport,
+                tail: 1e-9,
+                ..ConvolutionSettings::new(tissue, self.texel_mm)
+            };
             let maps: Vec<Vec<f64>> =
                 measured.thickness.iter().map(|m| m.iter().map(|d| d * self.truth.scale).collect()).collect();
             let Some(convolver) = Convolver::for_map(&settings, self.size, &maps[0])? else { continue };
@@ -155,13 +162,13 @@ impl Scene {
 }
 
 /// Adds noise of the measured sd to every reading.
-pub fn disturb(measured: &mut Measured, noise: f64, seed: u64) {
+pub fn disturb(measured: &mut TissueMeasurement, noise: f64, seed: u64) {
     if noise == 0.0 {
         return;
     }
     for (c, channel) in measured.channels.iter_mut().enumerate() {
         for (i, image) in channel.images.iter_mut().enumerate() {
-            let mut stream = Stream::new(seed, &[30, c as u64, i as u64]);
+            let mut stream = RandomStream::new(seed, &[30, c as u64, i as u64]);
             for pair in image.seen.chunks_mut(2) {
                 for (value, n) in pair.iter_mut().zip(stream.normal_pair()) {
                     *value += n * (measured.noise.relative * *value).hypot(measured.noise.floor);

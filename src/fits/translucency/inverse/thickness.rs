@@ -12,11 +12,11 @@
 //! It is found by adding the same amount of error again and watching the gradient, and its square is added to the
 //! covariance.
 
-use super::Measured;
-use super::model::Model;
+use super::TissueMeasurement;
+use super::model::TissueFitModel;
 use crate::translucency::Result;
-use mesophyll_base::random::Stream;
-use mesophyll_capture::dome::smooth::{Kernel, pass};
+use mesophyll_base::random::RandomStream;
+use mesophyll_capture::dome::smoothing::{SmoothingKernel, pass};
 use mesophyll_optics::side::mirror;
 use nalgebra::{DMatrix, DVector};
 
@@ -37,7 +37,7 @@ pub struct ThicknessErrors {
 
 /// The effect of the maps' errors, at fixed weights.
 #[derive(Debug, Clone)]
-pub struct Spread {
+pub struct ThicknessSpread {
     /// JᵀW G S GᵀW J.
     pub scatter: DMatrix<f64>,
     /// Mean gradient of the cost that the errors cause at the true tissue.
@@ -54,15 +54,15 @@ const DRAWS: u64 = 2;
 const THINNEST: f64 = 0.1;
 
 impl ThicknessErrors {
-    fn kernel(&self) -> Kernel {
-        Kernel::gaussian(self.smoothed)
+    fn kernel(&self) -> SmoothingKernel {
+        SmoothingKernel::gaussian(self.smoothed)
     }
 
     /// One draw of the maps' errors (mm).
     pub fn draw(&self, width: usize, seed: u64) -> Vec<Vec<f64>> {
         let kernel = self.kernel();
         let white = |map: usize, texels: usize| -> Vec<f64> {
-            let mut stream = Stream::new(seed, &[31, map as u64]);
+            let mut stream = RandomStream::new(seed, &[31, map as u64]);
             let pairs: Vec<[f64; 2]> = (0..texels.div_ceil(2)).map(|_| stream.normal_pair()).collect();
             pairs.into_iter().flatten().take(texels).collect()
         };
@@ -75,9 +75,9 @@ impl ThicknessErrors {
     }
 }
 
-impl Measured {
+impl TissueMeasurement {
     /// The same photographs on maps whose thickness is changed by `by` (mm) times `sign`.
-    pub fn moved(&self, by: &[Vec<f64>], sign: f64) -> Measured {
+    pub fn moved(&self, by: &[Vec<f64>], sign: f64) -> TissueMeasurement {
         let mut moved = self.clone();
         for (map, by) in moved.thickness.iter_mut().zip(by) {
             map.iter_mut().zip(by).for_each(|(d, by)| *d = (*d + sign * by).max(THINNEST * *d));
@@ -90,9 +90,9 @@ impl Measured {
 ///
 /// # Errors
 /// As [`Model::images`].
-pub fn spread(model: &Model, p: &[f64]) -> Result<Spread> {
+pub fn spread(model: &TissueFitModel, p: &[f64]) -> Result<ThicknessSpread> {
     let (n, errors) = (p.len(), &model.measured.thickness_errors);
-    let mut out = Spread { scatter: DMatrix::zeros(n, n), shift: DVector::zeros(n), chi2: 0.0 };
+    let mut out = ThicknessSpread { scatter: DMatrix::zeros(n, n), shift: DVector::zeros(n), chi2: 0.0 };
     let shared = if model.scale_is_fixed() { errors.shared } else { 0.0 };
     if shared == 0.0 && errors.each.iter().flatten().all(|e| *e == 0.0) {
         return Ok(out);
@@ -105,7 +105,7 @@ pub fn spread(model: &Model, p: &[f64]) -> Result<Spread> {
         return Ok(out);
     }
     scatter(model.measured, &pulls, &mut out.scatter);
-    let score = |model: &Model| -> Result<(Vec<f64>, DVector<f64>)> {
+    let score = |model: &TissueFitModel| -> Result<(Vec<f64>, DVector<f64>)> {
         let (residuals, gradient) = model.score(p)?;
         Ok((residuals.into_iter().flatten().flatten().collect(), DVector::from_vec(gradient)))
     };
@@ -122,7 +122,7 @@ pub fn spread(model: &Model, p: &[f64]) -> Result<Spread> {
 }
 
 /// Adds JᵀW G S GᵀW J. `pulls` is the result of [`Model::pulls`].
-fn scatter(measured: &Measured, pulls: &[Vec<Vec<f64>>], into: &mut DMatrix<f64>) {
+fn scatter(measured: &TissueMeasurement, pulls: &[Vec<Vec<f64>>], into: &mut DMatrix<f64>) {
     let errors = &measured.thickness_errors;
     let kernel = errors.kernel();
     // For each parameter: the effect of each independent draw behind the maps' errors.

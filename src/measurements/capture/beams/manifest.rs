@@ -1,8 +1,8 @@
 //! `capture.toml` of photographs under beams. Lengths in mm, angles in degrees; unknown fields are errors.
 
 use crate::Result;
-use crate::field::Fields;
-use crate::kind::{self, Kind};
+use crate::kind::{self, CaptureKind};
+use crate::manifest_check::ManifestCheck;
 use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -10,7 +10,7 @@ use std::path::Path;
 /// What was photographed, and how (format: `data/README.md`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Manifest {
+pub struct BeamsManifest {
     /// Version of the format.
     pub schema: u32,
     /// `beams`.
@@ -31,13 +31,13 @@ pub struct Manifest {
     pub noise_floor: Option<f64>,
     /// The photographs, each with its light.
     #[serde(rename = "beam")]
-    pub beams: Vec<Beam>,
+    pub beams: Vec<BeamPhotograph>,
 }
 
 /// One photograph and its light.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Beam {
+pub struct BeamPhotograph {
     /// Photograph of the unlit side, R G B, relative to the folder.
     pub file: String,
     /// The side that the light falls on.
@@ -48,7 +48,7 @@ pub struct Beam {
     pub azimuth_deg: f64,
 }
 
-impl Beam {
+impl BeamPhotograph {
     /// Unit vector towards the light in the lit side's image frame: x right, y up, z out of the lit side.
     pub fn direction(&self) -> [f64; 3] {
         let ((se, ce), (sa, ca)) = (self.elevation_deg.to_radians().sin_cos(), self.azimuth_deg.to_radians().sin_cos());
@@ -56,20 +56,20 @@ impl Beam {
     }
 }
 
-impl Manifest {
+impl BeamsManifest {
     /// Reads and validates `CAPTURE/capture.toml`.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of another
     /// kind.
-    pub fn read(folder: &Path) -> Result<Manifest> {
-        let (path, manifest) = kind::read::<Manifest>(folder, Kind::Beams)?;
+    pub fn read(folder: &Path) -> Result<BeamsManifest> {
+        let (path, manifest) = kind::read::<BeamsManifest>(folder, CaptureKind::Beams)?;
         manifest.validate(&path)?;
         Ok(manifest)
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let fields = Fields { path };
+        let fields = ManifestCheck { path };
         let bad =
             |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
         fields.photographs(self.schema, self.width, self.height, 3..=16_384)?;

@@ -6,9 +6,9 @@
 //! side's column width − 1 − i. Values are the exit radiance times π, divided by the irradiance of a plane that faces
 //! the beam; 1 is a white Lambertian sheet that faces the beam. Lengths in mm.
 
-pub mod inspect;
+pub mod inspection;
 pub mod manifest;
 pub mod reader;
 
-pub use manifest::Manifest;
-pub use reader::Capture;
+pub use manifest::BeamsManifest;
+pub use reader::BeamsCapture;

@@ -1,6 +1,6 @@
 //! Photographs under beams, opened for fitting: all of them exist, have one size, and hold readings.
 
-use super::manifest::{Beam, Manifest};
+use super::manifest::{BeamPhotograph, BeamsManifest};
 use crate::reader::RGB;
 use crate::{Error, Result};
 use mesophyll_files::hash;
@@ -9,24 +9,24 @@ use std::path::{Path, PathBuf};
 
 /// A validated capture with its photographs.
 #[derive(Debug)]
-pub struct Capture {
+pub struct BeamsCapture {
     /// The folder that was read.
     pub folder: PathBuf,
     /// The contents of its `capture.toml`.
-    pub manifest: Manifest,
+    pub manifest: BeamsManifest,
     /// For each photograph and channel (R G B): values in the *lit* side's columns, row by row; NaN where there is no
     /// reading.
     pub photographs: Vec<[Vec<f64>; 3]>,
 }
 
-impl Capture {
+impl BeamsCapture {
     /// # Errors
     /// [`Error::Input`] naming the first file that is missing, of another size, without a channel, or without a
     /// reading.
-    pub fn open(folder: &Path) -> Result<Capture> {
-        let manifest = Manifest::read(folder)?;
+    pub fn open(folder: &Path) -> Result<BeamsCapture> {
+        let manifest = BeamsManifest::read(folder)?;
         let photographs = manifest.beams.iter().map(|b| photograph(folder, &manifest, b)).collect::<Result<_>>()?;
-        Ok(Capture { folder: folder.to_path_buf(), manifest, photographs })
+        Ok(BeamsCapture { folder: folder.to_path_buf(), manifest, photographs })
     }
 
     /// Content hash of everything a fit reads.
@@ -45,7 +45,7 @@ impl Capture {
 ///
 /// # Errors
 /// As [`Capture::open`].
-pub fn photograph(folder: &Path, manifest: &Manifest, beam: &Beam) -> Result<[Vec<f64>; 3]> {
+pub fn photograph(folder: &Path, manifest: &BeamsManifest, beam: &BeamPhotograph) -> Result<[Vec<f64>; 3]> {
     let path = folder.join(&beam.file);
     let info = exr_info(&path)?;
     let (w, h) = (manifest.width, manifest.height);

@@ -1,8 +1,8 @@
 //! `capture.toml` of a capture under a dome. Lengths in mm; unknown fields are errors.
 
 use crate::Result;
-use crate::field::Fields;
-use crate::kind::{self, Kind};
+use crate::kind::{self, CaptureKind};
+use crate::manifest_check::ManifestCheck;
 use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// What was photographed and scanned, and how (format: `data/README.md`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Manifest {
+pub struct DomeManifest {
     /// Version of the format.
     pub schema: u32,
     /// `dome`.
@@ -72,20 +72,20 @@ fn white() -> f64 {
     1.0
 }
 
-impl Manifest {
+impl DomeManifest {
     /// Reads and validates `CAPTURE/capture.toml`.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file, the field, what was found and what was expected; also for a capture of the
     /// other kind.
-    pub fn read(folder: &Path) -> Result<Manifest> {
-        let (path, manifest) = kind::read::<Manifest>(folder, Kind::Dome)?;
+    pub fn read(folder: &Path) -> Result<DomeManifest> {
+        let (path, manifest) = kind::read::<DomeManifest>(folder, CaptureKind::Dome)?;
         manifest.validate(&path)?;
         Ok(manifest)
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let fields = Fields { path };
+        let fields = ManifestCheck { path };
         let bad =
             |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
         fields.photographs(self.schema, self.width, self.height, 3..=65_536)?;
@@ -139,7 +139,7 @@ impl Manifest {
 
 /// The pictures of a side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Picture {
+pub enum DomePicture {
     /// The photograph under the dome.
     Albedo,
     /// The photograph in front of the back light: its light fell on the other side.
@@ -148,23 +148,23 @@ pub enum Picture {
     Height,
 }
 
-impl Picture {
+impl DomePicture {
     /// Every picture of a side.
-    pub const ALL: [Picture; 3] = [Picture::Albedo, Picture::Translucency, Picture::Height];
+    pub const ALL: [DomePicture; 3] = [DomePicture::Albedo, DomePicture::Translucency, DomePicture::Height];
 
     /// The first part of the file's name.
     pub fn name(self) -> &'static str {
         match self {
-            Picture::Albedo => "albedo",
-            Picture::Translucency => "translucency",
-            Picture::Height => "height",
+            DomePicture::Albedo => "albedo",
+            DomePicture::Translucency => "translucency",
+            DomePicture::Height => "height",
         }
     }
 
     /// Channels that the picture must hold.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
-            Picture::Height => &["Y"],
+            DomePicture::Height => &["Y"],
             _ => &["R", "G", "B"],
         }
     }

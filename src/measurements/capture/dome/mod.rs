@@ -6,17 +6,17 @@
 //! the image frame of the side that is looked at (x right, y up, z towards the camera). The back's images are mirrored:
 //! its column i is the front's column width − 1 − i.
 
-mod align;
+mod alignment;
 pub mod highlight;
-pub mod inspect;
+pub mod inspection;
 pub mod manifest;
 pub mod noise;
 pub mod reader;
-pub mod reduce;
+pub mod reduction;
 mod shape;
-pub mod smooth;
-pub mod visible;
+pub mod smoothing;
+pub mod visibility;
 
-pub use manifest::Manifest;
-pub use reader::Capture;
-pub use reduce::{Reduced, ReducedSide, reduce};
+pub use manifest::DomeManifest;
+pub use reader::DomeCapture;
+pub use reduction::{DomeMaps, DomeSideMaps, reduce};

@@ -45,13 +45,13 @@ pub fn quantile(values: &mut [f64], q: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_base::random::Stream;
+    use mesophyll_base::random::RandomStream;
 
     #[test]
     fn the_noise_is_found_on_a_slope() {
         let (w, h) = (100, 80);
         let values: Vec<f64> = (0..w * h / 2)
-            .flat_map(|k| Stream::new(9, &[k as u64]).normal_pair())
+            .flat_map(|k| RandomStream::new(9, &[k as u64]).normal_pair())
             .enumerate()
             .map(|(k, n)| 0.4 + 0.01 * (k % w) as f64 - 0.003 * (k / w) as f64 + 0.02 * n)
             .collect();

@@ -1,23 +1,23 @@
 //! A capture under a dome, opened: every file that it needs exists, has the right size, and is read. The dark level is
 //! subtracted from photographs.
 
-use super::manifest::{Manifest, Picture, empty_path, white_path};
+use super::manifest::{DomeManifest, DomePicture, empty_path, white_path};
 use crate::{Error, Result};
 use mesophyll_files::hash;
-use mesophyll_files::image::{ExrInfo, Maps, exr_info, read_exr, read_exr_rows};
+use mesophyll_files::image::{ChannelMaps, ExrInfo, exr_info, read_exr, read_exr_rows};
 use mesophyll_optics::side::Side;
 use std::path::{Path, PathBuf};
 
 /// One RGB triple a texel, row-major.
-pub type Pixels = Vec<[f32; 3]>;
+pub type DomePixels = Vec<[f32; 3]>;
 
 /// One side's pictures, as its camera saw it.
 #[derive(Debug, Clone)]
-pub struct Pictures {
+pub struct DomeSidePictures {
     /// Photograph under the dome, less the dark frame.
-    pub albedo: Pixels,
+    pub albedo: DomePixels,
     /// Photograph in front of the back light, less the dark frame.
-    pub translucency: Pixels,
+    pub translucency: DomePixels,
     /// Height (mm) towards the camera, above the scan's own zero; NaN is a hole.
     pub height: Vec<f32>,
     /// How many readings under the dome share the highest recorded value: many where a sensor clips.
@@ -28,37 +28,37 @@ pub struct Pictures {
 
 /// A validated capture in memory.
 #[derive(Debug)]
-pub struct Capture {
+pub struct DomeCapture {
     /// The folder that was read.
     pub folder: PathBuf,
     /// The contents of its `capture.toml`.
-    pub manifest: Manifest,
+    pub manifest: DomeManifest,
     /// The front's pictures.
-    pub front: Pictures,
+    pub front: DomeSidePictures,
     /// The back's pictures, in its own camera's columns.
-    pub back: Pictures,
+    pub back: DomeSidePictures,
     /// Photograph of the white sheet, less the dark frame.
-    pub white: Pixels,
+    pub white: DomePixels,
     /// Photograph of the back light, less the dark frame.
-    pub empty: Pixels,
+    pub empty: DomePixels,
     /// Whether there is a dark frame.
     pub has_dark: bool,
     /// `mask.exr`, in the front's columns.
     pub mask: Option<Vec<bool>>,
 }
 
-impl Capture {
+impl DomeCapture {
     /// Opens `folder`.
     ///
     /// # Errors
     /// [`Error::Input`] naming the first file that is missing, of another size, without its channels, or without any
     /// reading.
-    pub fn open(folder: &Path) -> Result<Capture> {
-        let manifest = Manifest::read(folder)?;
+    pub fn open(folder: &Path) -> Result<DomeCapture> {
+        let manifest = DomeManifest::read(folder)?;
         check_files(folder, &manifest).into_iter().next().map_or(Ok(()), Err)?;
         let dark_path = folder.join("dark.exr");
         let dark = if dark_path.exists() { Some(rgb(&dark_path)?) } else { None };
-        let photograph = |path: &Path| -> Result<(Pixels, Vec<bool>, usize)> {
+        let photograph = |path: &Path| -> Result<(DomePixels, Vec<bool>, usize)> {
             let mut image = rgb(path)?;
             if image.iter().all(|v| v.iter().any(|c| !c.is_finite())) {
                 return Err(Error::input(path, "no reading anywhere (all NaN)"));
@@ -74,15 +74,15 @@ impl Capture {
             }
             Ok((image, saturated, clipped))
         };
-        let side = |side: Side| -> Result<Pictures> {
-            let path = |p: Picture| p.path(folder, side);
-            let (albedo, a, clipped) = photograph(&path(Picture::Albedo))?;
-            let (translucency, t, _) = photograph(&path(Picture::Translucency))?;
-            let height = read_exr_rows(&path(Picture::Height), Some(&["Y"]), None)?.channels.swap_remove(0).1;
+        let side = |side: Side| -> Result<DomeSidePictures> {
+            let path = |p: DomePicture| p.path(folder, side);
+            let (albedo, a, clipped) = photograph(&path(DomePicture::Albedo))?;
+            let (translucency, t, _) = photograph(&path(DomePicture::Translucency))?;
+            let height = read_exr_rows(&path(DomePicture::Height), Some(&["Y"]), None)?.channels.swap_remove(0).1;
             if height.iter().all(|h| !h.is_finite()) {
-                return Err(Error::input(&path(Picture::Height), "no height anywhere (all NaN)"));
+                return Err(Error::input(&path(DomePicture::Height), "no height anywhere (all NaN)"));
             }
-            Ok(Pictures {
+            Ok(DomeSidePictures {
                 albedo,
                 translucency,
                 height,
@@ -115,7 +115,7 @@ impl Capture {
         } else {
             None
         };
-        Ok(Capture {
+        Ok(DomeCapture {
             folder: folder.to_path_buf(),
             manifest,
             front,
@@ -128,7 +128,7 @@ impl Capture {
     }
 
     /// One side's pictures.
-    pub fn pictures(&self, side: Side) -> &Pictures {
+    pub fn pictures(&self, side: Side) -> &DomeSidePictures {
         match side {
             Side::Front => &self.front,
             Side::Back => &self.back,
@@ -153,7 +153,7 @@ impl Capture {
     }
 
     /// `truth/front.exr` of a synthetic capture.
-    pub fn truth(&self, side: Side) -> Result<Option<Maps>> {
+    pub fn truth(&self, side: Side) -> Result<Option<ChannelMaps>> {
         let path = crate::truth_path(&self.folder, side);
         if !path.exists() {
             return Ok(None);
@@ -166,13 +166,13 @@ impl Capture {
 /// The pictures that a capture must have, and their channels.
 fn required(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
     let sides = [Side::Front, Side::Back];
-    let pictures = sides.iter().flat_map(|&s| Picture::ALL.map(|p| (p.path(folder, s), p.channels())));
-    pictures.chain([white_path(folder), empty_path(folder)].map(|p| (p, Picture::Albedo.channels()))).collect()
+    let pictures = sides.iter().flat_map(|&s| DomePicture::ALL.map(|p| (p.path(folder, s), p.channels())));
+    pictures.chain([white_path(folder), empty_path(folder)].map(|p| (p, DomePicture::Albedo.channels()))).collect()
 }
 
 /// Everything that is wrong with the presence, size and channels of the files; their samples are not read.
-pub(crate) fn check_files(folder: &Path, manifest: &Manifest) -> Vec<Error> {
-    let optional = [("dark.exr", Picture::Albedo.channels()), ("mask.exr", Picture::Height.channels())];
+pub(crate) fn check_files(folder: &Path, manifest: &DomeManifest) -> Vec<Error> {
+    let optional = [("dark.exr", DomePicture::Albedo.channels()), ("mask.exr", DomePicture::Height.channels())];
     let optional =
         optional.into_iter().map(|(name, channels)| (folder.join(name), channels)).filter(|(p, _)| p.exists());
     required(folder)
@@ -182,7 +182,7 @@ pub(crate) fn check_files(folder: &Path, manifest: &Manifest) -> Vec<Error> {
         .collect()
 }
 
-fn check_image(path: &Path, channels: &[&str], manifest: &Manifest) -> Result<()> {
+fn check_image(path: &Path, channels: &[&str], manifest: &DomeManifest) -> Result<()> {
     let info = exr_info(path)?;
     check_size(path, &info, manifest)?;
     match channels.iter().find(|name| !info.channels.iter().any(|c| c == *name)) {
@@ -193,7 +193,7 @@ fn check_image(path: &Path, channels: &[&str], manifest: &Manifest) -> Result<()
     }
 }
 
-fn check_size(path: &Path, info: &ExrInfo, m: &Manifest) -> Result<()> {
+fn check_size(path: &Path, info: &ExrInfo, m: &DomeManifest) -> Result<()> {
     if (info.width, info.height) != (m.width, m.height) {
         let what = format!("found {}x{} texels, capture.toml says {}x{}", info.width, info.height, m.width, m.height);
         return Err(Error::input(path, what));
@@ -201,6 +201,6 @@ fn check_size(path: &Path, info: &ExrInfo, m: &Manifest) -> Result<()> {
     Ok(())
 }
 
-fn rgb(path: &Path) -> Result<Pixels> {
+fn rgb(path: &Path) -> Result<DomePixels> {
     Ok(crate::reader::interleave(&read_exr_rows(path, Some(&["R", "G", "B"]), None)?))
 }

@@ -1,35 +1,35 @@
 //! Turns two height scans of a capture into the blade's shape: thickness, and both sides' heights over one middle plane
 //! (mm), with holes filled. Checks that the scans show one blade, each with heights towards its own camera.
 
-use super::align::{self, Alignment, Wanted};
-use super::manifest::{Manifest, Picture};
+use super::alignment::{self, ScanAlignment, SmoothingGoal};
+use super::manifest::{DomeManifest, DomePicture};
 use super::noise::quantile;
-use super::reader::Capture;
-use super::reduce::Options;
-use super::smooth::{Kernel, smooth};
+use super::reader::DomeCapture;
+use super::reduction::Options;
+use super::smoothing::{SmoothingKernel, smooth};
 use crate::{Error, Result};
 use mesophyll_optics::side::{Side, mirror};
 use std::path::Path;
 
 /// Thickness (front's columns) and both sides' smoothed heights over the middle plane.
-pub struct Shape {
+pub struct BladeShape {
     pub thickness: Vec<f64>,
     pub height: [Vec<f64>; 2],
-    pub alignment: Alignment,
+    pub alignment: ScanAlignment,
 }
 
 /// Aligns the scans, sets the zero of the thickness and smooths.
 ///
 /// # Errors
 /// [`Error::Input`] when the scans hold too little, do not cancel except for a thickness, or have the wrong sign.
-pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shape> {
+pub fn shape(capture: &DomeCapture, mask: &[bool], options: &Options) -> Result<BladeShape> {
     let m = &capture.manifest;
     let (w, h) = (m.width, m.height);
-    let path = Picture::Height.path(&capture.folder, Side::Back);
+    let path = DomePicture::Height.path(&capture.folder, Side::Back);
     let mut scans = [capture.front.height.clone(), mirror(&capture.back.height, w)]
         .map(|s| s.into_iter().map(f64::from).collect::<Vec<_>>());
     let sum: Vec<f64> = (0..w * h).map(|k| if mask[k] { scans[0][k] + scans[1][k] } else { f64::NAN }).collect();
-    let lean = align::plane(&sum, mask, w).ok_or_else(|| {
+    let lean = alignment::plane(&sum, mask, w).ok_or_else(|| {
         Error::input(
             &path,
             "fewer than 16 texels of the leaf have a height on both sides; expected heights all over it",
@@ -37,23 +37,23 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     })?;
     let rest: Vec<f64> = (0..w * h).map(|k| sum[k] - lean.at(k, w, h)).collect();
 
-    let filter = Kernel::gaussian(m.height_filter_mm / m.texel_mm);
-    let noise = m.height_noise_mm.or_else(|| align::height_noise(&rest, mask, w, &filter)).unwrap_or(0.0);
+    let filter = SmoothingKernel::gaussian(m.height_filter_mm / m.texel_mm);
+    let noise = m.height_noise_mm.or_else(|| alignment::height_noise(&rest, mask, w, &filter)).unwrap_or(0.0);
     let forced = options.smooth_mm.map(|s| s / m.texel_mm);
-    let thin = align::best_width(&rest, w, &filter, 2f64.sqrt() * noise, Wanted::Values, forced);
+    let thin = alignment::best_width(&rest, w, &filter, 2f64.sqrt() * noise, SmoothingGoal::Values, forced);
     let flat = [0, 1].map(|s: usize| {
         let on: Vec<f64> = scans[s].iter().zip(mask).map(|(v, m)| if *m { *v } else { f64::NAN }).collect();
-        align::best_width(&on, w, &filter, noise, Wanted::Slopes, forced)
+        alignment::best_width(&on, w, &filter, noise, SmoothingGoal::Slopes, forced)
     });
     let weight: Vec<f64> = rest.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
-    let calm = smooth(&rest, &weight, w, &Kernel::gaussian(thin.texels.max(0.7)));
+    let calm = smooth(&rest, &weight, w, &SmoothingKernel::gaussian(thin.texels.max(0.7)));
     let (above, below) = reach(&calm, mask, 2f64.sqrt() * noise)
         .ok_or_else(|| Error::input(&path, "no texel of the leaf has a height on both sides"))?;
     one_blade(&path, m, above, below)?;
 
-    let top = align::highest(&rest, w, &filter, m.contact_texels(), 2f64.sqrt() * noise);
-    let (shift_mm, shift_err_mm) = align::shift(&rest, &scans[0], mask, w, m.texel_mm);
-    let trend = align::trend_err(&rest, mask, w, top.at);
+    let top = alignment::highest(&rest, w, &filter, m.contact_texels(), 2f64.sqrt() * noise);
+    let (shift_mm, shift_err_mm) = alignment::shift(&rest, &scans[0], mask, w, m.texel_mm);
+    let trend = alignment::trend_err(&rest, mask, w, top.at);
     let offset = m.thickness_max_mm - top.value;
     let filled = |values: &[f64], width: f64| filled(values, mask, w, width);
     let thickness: Vec<f64> = filled(&rest, thin.texels).into_iter().map(|v| v + offset).collect();
@@ -70,7 +70,7 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
     let [front, back] = scans;
     let height = [filled(&front, flat[0].texels), mirror(&filled(&back, flat[1].texels), w)];
     let [x, y] = lean.lean();
-    let alignment = Alignment {
+    let alignment = ScanAlignment {
         tilt: [x / m.texel_mm, y / m.texel_mm],
         shift_mm,
         shift_err_mm,
@@ -89,7 +89,7 @@ pub fn shape(capture: &Capture, mask: &[bool], options: &Options) -> Result<Shap
         above_mm: above,
         below_mm: below,
     };
-    Ok(Shape { thickness, height, alignment })
+    Ok(BladeShape { thickness, height, alignment })
 }
 
 /// How far a map reaches above and below its median on the mask, less what noise of this deviation alone would cause.
@@ -106,7 +106,7 @@ fn reach(values: &[f64], mask: &[bool], noise: f64) -> Option<(f64, f64)> {
 }
 
 /// The heights of one blade cancel except for its thickness, and veins make it thicker, not thinner.
-fn one_blade(path: &Path, m: &Manifest, above: f64, below: f64) -> Result<()> {
+fn one_blade(path: &Path, m: &DomeManifest, above: f64, below: f64) -> Result<()> {
     if above + below > 1.5 * m.thickness_max_mm {
         return Err(Error::input(
             path,
@@ -133,11 +133,11 @@ fn one_blade(path: &Path, m: &Manifest, above: f64, below: f64) -> Result<()> {
 /// Smoothed values on the mask. Holes are filled from the nearest values by wider and wider smoothing.
 pub fn filled(values: &[f64], mask: &[bool], width: usize, smoothing: f64) -> Vec<f64> {
     let weight: Vec<f64> = values.iter().zip(mask).map(|(v, m)| f64::from(u8::from(*m && v.is_finite()))).collect();
-    let mut out = smooth(values, &weight, width, &Kernel::gaussian(smoothing));
+    let mut out = smooth(values, &weight, width, &SmoothingKernel::gaussian(smoothing));
     let mut wider = smoothing.max(0.5);
     while wider < values.len() as f64 && out.iter().zip(mask).any(|(v, m)| *m && !v.is_finite()) {
         wider *= 2.0;
-        let more = smooth(values, &weight, width, &Kernel::gaussian(wider));
+        let more = smooth(values, &weight, width, &SmoothingKernel::gaussian(wider));
         out.iter_mut().zip(more).filter(|(v, _)| !v.is_finite()).for_each(|(v, m)| *v = m);
     }
     out.iter_mut().zip(mask).filter(|(_, m)| !**m).for_each(|(v, _)| *v = f64::NAN);

@@ -1,7 +1,7 @@
 //! MERL: three little-endian 32-bit sizes (90, 90, 180), then red, green and blue as 64-bit numbers by half angle,
 //! difference angle and difference azimuth (Rusinkiewicz 1998). Half angles are finer near 0: θh = (k/90)²·90°.
 
-use super::{DIRECTIONS, Readings, direction, mirrored};
+use super::{DIRECTIONS, GoniometerReadings, direction, mirrored};
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
 use std::f64::consts::PI;
@@ -15,7 +15,7 @@ const SIZES: [u64; 3] = [90, 90, 180];
 const SCALE: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
 
 /// Reads a part of the cells of a file: every 5th half angle, 10th difference angle and 20th azimuth.
-pub fn read(path: &Path) -> Result<Readings> {
+pub fn read(path: &Path) -> Result<GoniometerReadings> {
     let failed = |e: std::io::Error| Error::input(path, explain(&e));
     let mut file = File::open(path).map_err(failed)?;
     let mut head = [0u8; 12];
@@ -32,7 +32,7 @@ pub fn read(path: &Path) -> Result<Readings> {
         return Err(Error::input(path, format!("found {length} bytes, expected {expected} of MERL's sizes {SIZES:?}")));
     }
     let names: Vec<String> = ["brf_r", "brf_g", "brf_b"].map(String::from).to_vec();
-    let mut readings = Readings { chosen: names.clone(), names, rows: Vec::with_capacity(DIRECTIONS) };
+    let mut readings = GoniometerReadings { chosen: names.clone(), names, rows: Vec::with_capacity(DIRECTIONS) };
     let mut planes = vec![[0u8; 8 * SIZES[2] as usize]; 3];
     for i in (1..SIZES[0]).step_by(5) {
         for j in (2..SIZES[1]).step_by(10) {

@@ -22,7 +22,7 @@ const DIRECTIONS: usize = 1000;
 
 /// Readings of a material.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Readings {
+pub struct GoniometerReadings {
     /// Names of the value columns.
     pub names: Vec<String>,
     /// The columns that are fitted where the user names none.
@@ -36,7 +36,7 @@ pub fn is_goniometer(path: &Path) -> bool {
     reader(path).is_some()
 }
 
-fn reader(path: &Path) -> Option<fn(&Path) -> Result<Readings>> {
+fn reader(path: &Path) -> Option<fn(&Path) -> Result<GoniometerReadings>> {
     match path.extension()?.to_ascii_lowercase().to_str()? {
         "binary" => Some(merl::read),
         "bsdf" => Some(rgl::read),
@@ -44,12 +44,12 @@ fn reader(path: &Path) -> Option<fn(&Path) -> Result<Readings>> {
     }
 }
 
-impl Readings {
+impl GoniometerReadings {
     /// Reads a file. The format is the one that its name's ending says.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a file that is missing, truncated or of another format, with what was found.
-    pub fn read(path: &Path) -> Result<Readings> {
+    pub fn read(path: &Path) -> Result<GoniometerReadings> {
         match reader(path) {
             Some(read) => read(path),
             None => Err(crate::Error::input(path, "expected a name that ends with .binary (MERL) or .bsdf (RGL)")),

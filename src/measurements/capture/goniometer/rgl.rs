@@ -9,8 +9,8 @@
 //! f_r cosθo = reading · D(u)/(4 σ(ui)),   ui = (√(2 θi/π), (φi + π)/2π)
 //! ```
 
-use super::tensor::Tensors;
-use super::{DIRECTIONS, Readings, direction, mirrored};
+use super::tensor::TensorFile;
+use super::{DIRECTIONS, GoniometerReadings, direction, mirrored};
 use crate::{Error, Result};
 use std::f64::consts::PI;
 use std::path::Path;
@@ -77,8 +77,8 @@ fn share(values: &[f64], part: f64) -> f64 {
 }
 
 /// Reads a file: its colours (`rgb`), or its spectra.
-pub fn read(path: &Path) -> Result<Readings> {
-    let mut file = Tensors::open(path)?;
+pub fn read(path: &Path) -> Result<GoniometerReadings> {
+    let mut file = TensorFile::open(path)?;
     let (shape_phi, phi_i) = file.floats("phi_i", 1)?;
     let (shape_theta, theta_i) = file.floats("theta_i", 1)?;
     let (shape_ndf, ndf) = file.floats("ndf", 2)?;
@@ -106,7 +106,7 @@ pub fn read(path: &Path) -> Result<Readings> {
     let area = Square { columns: shape_sigma[1], rows: shape_sigma[0], values: &sigma };
     // Whether the readings are relative to the lobe.
     let relative = file.flag("jacobian")?;
-    let mut readings = Readings { names, chosen, rows: Vec::new() };
+    let mut readings = GoniometerReadings { names, chosen, rows: Vec::new() };
     let bands = readings.names.len();
     let total = directions * theta_i.len() * plane;
     let every = total.div_ceil(DIRECTIONS).max(1);
@@ -143,7 +143,7 @@ pub fn read(path: &Path) -> Result<Readings> {
 }
 
 /// The array that holds the readings, the names of its bands, and those that are fitted unless others are named.
-fn columns(file: &mut Tensors) -> Result<(&'static str, Vec<String>, Vec<String>)> {
+fn columns(file: &mut TensorFile) -> Result<(&'static str, Vec<String>, Vec<String>)> {
     if file.find("rgb").is_some() {
         let names = ["brf_r", "brf_g", "brf_b"].map(String::from).to_vec();
         return Ok(("rgb", names.clone(), names));

@@ -18,7 +18,7 @@ const FLOAT32: u8 = 10;
 
 /// An array that has not been read.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Field {
+pub struct TensorField {
     name: String,
     dtype: u8,
     offset: u64,
@@ -28,18 +28,18 @@ pub struct Field {
 
 /// An opened file.
 #[derive(Debug)]
-pub struct Tensors {
+pub struct TensorFile {
     path: PathBuf,
     file: File,
-    fields: Vec<Field>,
+    fields: Vec<TensorField>,
 }
 
-impl Tensors {
+impl TensorFile {
     /// Reads the list of arrays.
     ///
     /// # Errors
     /// [`Error::Input`] with the number that is wrong.
-    pub fn open(path: &Path) -> Result<Tensors> {
+    pub fn open(path: &Path) -> Result<TensorFile> {
         let failed = |e: std::io::Error| Error::input(path, explain(&e));
         let mut file = File::open(path).map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
@@ -95,13 +95,13 @@ impl Tensors {
                     ));
                 }
             }
-            fields.push(Field { name, dtype, offset, shape: shape.into_iter().map(|n| n as usize).collect() });
+            fields.push(TensorField { name, dtype, offset, shape: shape.into_iter().map(|n| n as usize).collect() });
         }
-        Ok(Tensors { path: path.to_path_buf(), file, fields })
+        Ok(TensorFile { path: path.to_path_buf(), file, fields })
     }
 
     /// An array by name.
-    pub fn find(&self, name: &str) -> Option<&Field> {
+    pub fn find(&self, name: &str) -> Option<&TensorField> {
         self.fields.iter().find(|f| f.name == name)
     }
 

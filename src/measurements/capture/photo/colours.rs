@@ -1,26 +1,26 @@
 //! A picture as a texture: its colours as light and its opacity, or numbers that are no light, such as a map of
 //! normals.
 
-use super::coded::{self, Decoded};
-use super::manifest::Transfer;
+use super::encoding::{self, Decoded};
+use super::manifest::TransferCurve;
 use super::picture::too_large;
 use crate::photo::{Error, Result};
-use mesophyll_files::image::{Maps, exr_info, read_exr};
-use mesophyll_files::picture::{self, RGB, Request};
+use mesophyll_files::image::{ChannelMaps, exr_info, read_exr};
+use mesophyll_files::picture::{self, PictureRequest, RGB};
 use std::path::Path;
 
 /// What the numbers of a picture stand for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Meaning {
+pub enum PictureEncoding {
     /// Light, by the stated curve, or by the file's own where none is stated.
-    Light(Option<Transfer>),
+    Light(Option<TransferCurve>),
     /// Themselves, whatever a colour profile says.
     Numbers,
 }
 
 /// A picture, row-major, row 0 on top.
 #[derive(Debug, Clone)]
-pub struct Colours {
+pub struct ColourPicture {
     /// Pixels a row.
     pub width: usize,
     /// Rows.
@@ -33,7 +33,7 @@ pub struct Colours {
     /// Whether it holds opacity; it is 1 everywhere otherwise.
     pub has_opacity: bool,
     /// The curve by which its colours became light; linear for numbers.
-    pub transfer: Transfer,
+    pub transfer: TransferCurve,
 }
 
 /// Reads an OpenEXR, Radiance, PNG, TIFF or JPEG file.
@@ -41,7 +41,7 @@ pub struct Colours {
 /// # Errors
 /// [`Error::Input`] for a file that is broken, of another kind or too large; for light whose curve is unknown, is not
 /// the file's own, or is linear with 8 bits a channel.
-pub fn read(path: &Path, meaning: Meaning) -> Result<Colours> {
+pub fn read(path: &Path, meaning: PictureEncoding) -> Result<ColourPicture> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     match extension.as_str() {
         "exr" | "hdr" => floats(path, meaning),
@@ -50,22 +50,22 @@ pub fn read(path: &Path, meaning: Meaning) -> Result<Colours> {
     }
 }
 
-fn whole(path: &Path, meaning: Meaning) -> Result<Colours> {
+fn whole(path: &Path, meaning: PictureEncoding) -> Result<ColourPicture> {
     let stated = match meaning {
-        Meaning::Light(stated) => stated,
-        Meaning::Numbers => None,
+        PictureEncoding::Light(stated) => stated,
+        PictureEncoding::Numbers => None,
     };
-    let Decoded { image, transfer, .. } = coded::decoded(path, stated)?;
+    let Decoded { image, transfer, .. } = encoding::decoded(path, stated)?;
     let color = image.color();
     let transfer = match (meaning, transfer) {
-        (Meaning::Numbers, _) => Transfer::Linear,
-        (Meaning::Light(_), Some(transfer)) => {
+        (PictureEncoding::Numbers, _) => TransferCurve::Linear,
+        (PictureEncoding::Light(_), Some(transfer)) => {
             if color.bytes_per_pixel() == color.channel_count() {
-                coded::not_too_coarse(path, transfer)?;
+                encoding::not_too_coarse(path, transfer)?;
             }
             transfer
         }
-        (Meaning::Light(_), None) => {
+        (PictureEncoding::Light(_), None) => {
             let what = "the file has no colour profile, and no transfer is stated; expected the curve's name, such as \
                         transfer = \"srgb\", which most programs write";
             return Err(Error::input(path, what));
@@ -81,12 +81,12 @@ fn whole(path: &Path, meaning: Meaning) -> Result<Colours> {
     };
     let pixels = image.into_rgba16().pixels().map(pixel).collect();
     let (grey, has_opacity) = (color.channel_count() < 3, color.has_alpha());
-    Ok(Colours { width, height, pixels, grey, has_opacity, transfer })
+    Ok(ColourPicture { width, height, pixels, grey, has_opacity, transfer })
 }
 
-fn floats(path: &Path, meaning: Meaning) -> Result<Colours> {
-    if let Meaning::Light(Some(stated)) = meaning
-        && stated != Transfer::Linear
+fn floats(path: &Path, meaning: PictureEncoding) -> Result<ColourPicture> {
+    if let PictureEncoding::Light(Some(stated)) = meaning
+        && stated != TransferCurve::Linear
     {
         let what = "the file holds light in proportion, and another transfer is stated; expected none, or \"linear\"";
         return Err(Error::input(path, what));
@@ -94,9 +94,11 @@ fn floats(path: &Path, meaning: Meaning) -> Result<Colours> {
     let radiance = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr"));
     let one = if radiance { None } else { Some(exr_info(path)?).filter(|info| info.channels.len() == 1) };
     let maps = match (&one, meaning) {
-        (None, Meaning::Light(_)) => {
-            let picture::Linear { maps, said } =
-                picture::read(path, &Request { names: &RGB, all: true, outside: 0.0 }, |w, h| too_large(path, w, h))?;
+        (None, PictureEncoding::Light(_)) => {
+            let picture::LinearPicture { maps, said } =
+                picture::read(path, &PictureRequest { names: &RGB, all: true, outside: 0.0 }, |w, h| {
+                    too_large(path, w, h)
+                })?;
             picture::tell(path, &said);
             maps
         }
@@ -107,7 +109,7 @@ fn floats(path: &Path, meaning: Meaning) -> Result<Colours> {
         _ => read_exr(path)?,
     };
     too_large(path, maps.width, maps.height)?;
-    let Maps { width, height, .. } = maps;
+    let ChannelMaps { width, height, .. } = maps;
     let names = one.as_ref().map_or(RGB, |info| [info.channels[0].as_str(); 3]);
     let [r, g, b] = [maps.require(path, names[0])?, maps.require(path, names[1])?, maps.require(path, names[2])?];
     let opacity = maps.get("A").filter(|_| one.is_none());
@@ -122,8 +124,8 @@ fn floats(path: &Path, meaning: Meaning) -> Result<Colours> {
         let what = format!("column {}, row {}: found {:?}, expected finite numbers", k % width, k / width, pixels[k]);
         return Err(Error::input(path, what));
     }
-    let (grey, has_opacity, transfer) = (one.is_some(), opacity.is_some(), Transfer::Linear);
-    Ok(Colours { width, height, pixels, grey, has_opacity, transfer })
+    let (grey, has_opacity, transfer) = (one.is_some(), opacity.is_some(), TransferCurve::Linear);
+    Ok(ColourPicture { width, height, pixels, grey, has_opacity, transfer })
 }
 
 #[cfg(test)]
@@ -140,35 +142,35 @@ mod tests {
         let pixel = image::Rgba([188, 118, 0, 128]);
         image::RgbaImage::from_pixel(16, 16, pixel).save(at("a.png")).unwrap();
         let opacity = 128.0 / 255.0;
-        let mut maps = Maps::new(16, 16);
+        let mut maps = ChannelMaps::new(16, 16);
         for (name, v) in [("R", 0.5029), ("G", 0.1812), ("B", 0.0), ("A", 1.0)] {
             maps.push(name, vec![v * opacity; 256]);
         }
         write_exr(&at("a.exr"), &maps, Packing::Zip).unwrap();
-        for (name, stated) in [("a.png", Some(Transfer::Srgb)), ("a.exr", None)] {
-            let found = read(&at(name), Meaning::Light(stated)).unwrap();
+        for (name, stated) in [("a.png", Some(TransferCurve::Srgb)), ("a.exr", None)] {
+            let found = read(&at(name), PictureEncoding::Light(stated)).unwrap();
             assert!(found.has_opacity && !found.grey && found.pixels.len() == 256, "{name}");
             for (v, want) in found.pixels[17].iter().zip([0.5029, 0.1812, 0.0, opacity]) {
                 assert!((v - want).abs() < 2e-4, "{name}: {:?}", found.pixels[17]);
             }
         }
-        let said = |name: &str, stated| read(&at(name), Meaning::Light(stated)).unwrap_err().to_string();
+        let said = |name: &str, stated| read(&at(name), PictureEncoding::Light(stated)).unwrap_err().to_string();
         assert!(said("a.png", None).contains("no colour profile"), "{}", said("a.png", None));
-        assert!(said("a.png", Some(Transfer::Linear)).contains("8 bits"));
-        assert!(said("a.exr", Some(Transfer::Srgb)).contains("in proportion"));
-        assert!(read(&at("a.tga"), Meaning::Numbers).unwrap_err().to_string().contains("another kind"));
+        assert!(said("a.png", Some(TransferCurve::Linear)).contains("8 bits"));
+        assert!(said("a.exr", Some(TransferCurve::Srgb)).contains("in proportion"));
+        assert!(read(&at("a.tga"), PictureEncoding::Numbers).unwrap_err().to_string().contains("another kind"));
         // The file's own chunk says the curve where none is stated, and contradicts another one.
         let mut bytes = std::fs::read(at("a.png")).unwrap();
         bytes.splice(33..33, [&[0, 0, 0, 1][..], b"sRGB", &[0], &[0xae, 0xce, 0x1c, 0xe9]].concat());
         std::fs::write(at("own.png"), bytes).unwrap();
-        let own = read(&at("own.png"), Meaning::Light(None)).unwrap();
-        assert!(own.transfer == Transfer::Srgb && (own.pixels[0][0] - 0.5029).abs() < 2e-4);
-        assert!(said("own.png", Some(Transfer::Linear)).contains("own colour profile"));
+        let own = read(&at("own.png"), PictureEncoding::Light(None)).unwrap();
+        assert!(own.transfer == TransferCurve::Srgb && (own.pixels[0][0] - 0.5029).abs() < 2e-4);
+        assert!(said("own.png", Some(TransferCurve::Linear)).contains("own colour profile"));
         // Numbers are what the file holds.
-        let numbers = read(&at("a.png"), Meaning::Numbers).unwrap().pixels[0];
+        let numbers = read(&at("a.png"), PictureEncoding::Numbers).unwrap().pixels[0];
         assert!((numbers[0] - 188.0 / 255.0).abs() < 1e-6);
         image::GrayImage::from_pixel(16, 16, image::Luma([51])).save(at("g.png")).unwrap();
-        let grey = read(&at("g.png"), Meaning::Numbers).unwrap();
+        let grey = read(&at("g.png"), PictureEncoding::Numbers).unwrap();
         assert!(grey.grey && !grey.has_opacity && (grey.pixels[5][2] - 0.2).abs() < 1e-6);
     }
 }

@@ -4,8 +4,8 @@
 //! Of the slab, the shares are 2 ∫ ρ(μ) μ dμ over the cosines μ of incidence. Of the surface, it is Fresnel's
 //! reflectance averaged in the same way, in closed form (Walsh 1926; Duntley 1942).
 
-use mesophyll_optics::slab::exact::Medium;
 use mesophyll_optics::slab::inverse;
+use mesophyll_optics::slab::medium::SlabMedium;
 
 /// Gauss–Legendre nodes over the cosine of incidence. Through a thick, absorbing slab light falls off like e^(−Δ/μ),
 /// which equal steps integrate badly (24 of them are off by .5 % at Δ = 7).
@@ -24,7 +24,7 @@ pub fn over_normal(rho_d: f64, rho_t: f64) -> [f64; 2] {
     if !(delta.is_finite() && delta > 0.0) {
         return DARK;
     }
-    let medium = Medium::new(slab.sigma_s / delta, slab.sigma_a / delta);
+    let medium = SlabMedium::new(slab.sigma_s / delta, slab.sigma_a / delta);
     let [mut up, mut down] = [0.0; 2];
     for (mu, weight) in mesophyll_base::quadrature::unit(NODES) {
         let (r, ln_t) = medium.solve_log(mu, delta);
@@ -52,7 +52,7 @@ pub fn fresnel(n: f64) -> f64 {
 mod tests {
     use super::*;
     use mesophyll_optics::gloss;
-    use mesophyll_optics::slab::exact::response;
+    use mesophyll_optics::slab::medium::response;
     use rand::{RngExt, SeedableRng};
 
     #[test]

@@ -6,7 +6,7 @@
 //! its darkest channel. Then the middle of the range is taken, and its width is the error.
 
 use super::diffuse::fresnel;
-use super::manifest::Manifest;
+use super::manifest::PhotoManifest;
 use crate::dome::highlight::{Highlight, fresnel_normal};
 use crate::dome::noise::quantile;
 use mesophyll_optics::gloss::Lobe;
@@ -42,7 +42,7 @@ pub(super) struct Gloss {
 
 /// The gloss of `side`. `seen` holds the side's reflectance with gloss, without what the sheet adds, and `noise` its
 /// noise, where `inner` is set: away from the outline, where pixels also show the dark sheet.
-pub(super) fn gloss(m: &Manifest, side: Side, seen: &[[f64; 3]], noise: &[[f64; 3]], inner: &[bool]) -> Gloss {
+pub(super) fn gloss(m: &PhotoManifest, side: Side, seen: &[[f64; 3]], noise: &[[f64; 3]], inner: &[bool]) -> Gloss {
     // A texel's noise makes it look darker or brighter. As many texels of an even leaf as are left out here lie
     // `DARKEST_NOISE` below it, so that this is added again.
     let darkest = |k: usize| (0..3).map(|c| seen[k][c] + DARKEST_NOISE * noise[k][c]).fold(f64::INFINITY, f64::min);
@@ -91,9 +91,9 @@ fn index(share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_base::random::Stream;
+    use mesophyll_base::random::RandomStream;
 
-    fn manifest(gloss: &str) -> Manifest {
+    fn manifest(gloss: &str) -> PhotoManifest {
         let text = format!(
             r#"
             schema = 1
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn neither_noise_nor_the_outline_makes_the_bound_too_low() {
         let n = 20_000;
-        let mut stream = Stream::new(3, &[1]);
+        let mut stream = RandomStream::new(3, &[1]);
         let mut seen = Vec::new();
         for k in 0..n {
             let noise = [0, 1, 2].map(|_| 0.004 * stream.normal_pair()[0]);

@@ -1,8 +1,8 @@
 //! The grid of the maps: square texels of whole pixels of the front's picture.
 
-use super::manifest::Manifest;
-use super::picture::Picture;
-use super::ruler::Scale;
+use super::manifest::PhotoManifest;
+use super::picture::LinearPhotograph;
+use super::ruler::PictureScale;
 use crate::photo::Result;
 use rayon::prelude::*;
 use std::path::Path;
@@ -100,7 +100,13 @@ impl Grid {
 ///
 /// # Errors
 /// [`Error::Input`](crate::photo::Error::Input) where the stated texel leaves fewer than 8 along the leaf.
-pub(super) fn grid(folder: &Path, m: &Manifest, mask: &[bool], picture: &Picture, scale: Scale) -> Result<Grid> {
+pub(super) fn grid(
+    folder: &Path,
+    m: &PhotoManifest,
+    mask: &[bool],
+    picture: &LinearPhotograph,
+    scale: PictureScale,
+) -> Result<Grid> {
     let w = picture.width;
     let on = || mask.iter().enumerate().filter(|(_, m)| **m).map(|(k, _)| [k % w, k / w]);
     let low = [0, 1].map(|a: usize| on().map(|p| p[a]).min().unwrap_or(0));
@@ -112,7 +118,7 @@ pub(super) fn grid(folder: &Path, m: &Manifest, mask: &[bool], picture: &Picture
     };
     if longest / step < 8 {
         let expected = format!("a length that divides the leaf's {:.1} mm", longest as f64 * scale.pixel_mm);
-        return Err(Manifest::wrong(
+        return Err(PhotoManifest::wrong(
             folder,
             "texel_mm",
             m.texel_mm.unwrap_or(0.0),
@@ -127,16 +133,17 @@ pub(super) fn grid(folder: &Path, m: &Manifest, mask: &[bool], picture: &Picture
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_base::random::Stream;
+    use mesophyll_base::random::RandomStream;
 
     /// White noise in a picture that is further away, as near, and three times as near as the front's, and turned a
     /// little: means over texels scatter by what a square of [`Grid::read`] pixels does.
     #[test]
     fn means_over_texels_are_as_noisy_as_said() {
         let (w, h) = (900, 900);
-        let mut stream = Stream::new(7, &[1]);
+        let mut stream = RandomStream::new(7, &[1]);
         let pixels: Vec<[f32; 3]> = (0..w * h).map(|_| [0, 1, 2].map(|_| stream.normal_pair()[0] as f32)).collect();
-        let picture = Picture { path: "noise.exr".into(), width: w, height: h, pixels, highest: (9.0, 1), steps: None };
+        let picture =
+            LinearPhotograph { path: "noise.exr".into(), width: w, height: h, pixels, highest: (9.0, 1), steps: None };
         for (step, scale) in [(2, 0.5), (1, 1.0), (2, 1.0), (4, 0.9), (2, 3.0)] {
             let grid = Grid { origin: [8, 8], step, width: 60, height: 60 };
             let (sin, cos) = 0.07f64.sin_cos();

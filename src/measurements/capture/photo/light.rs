@@ -2,7 +2,7 @@
 //! logarithm of its brightness is fitted, a channel each, by a polynomial of second degree over the picture, which then
 //! holds for leaf and card too.
 
-use super::picture::Picture;
+use super::picture::LinearPhotograph;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 type V6 = SVector<f64, 6>;
@@ -16,7 +16,7 @@ const UNSEEN: f64 = 0.05;
 
 /// The light over a picture, relative to the light on the sheet's middle.
 #[derive(Debug, Clone)]
-pub struct Light {
+pub struct SheetLight {
     size: [f64; 2],
     /// Coefficients of ln light, a channel; `None` where the sheet does not show enough.
     by: Option<[V6; 3]>,
@@ -29,9 +29,9 @@ pub struct Light {
     pub blocks: usize,
 }
 
-impl Light {
+impl SheetLight {
     /// Fits the light of `picture` on its sheet: pixels where `bright` is not set, away from everything that is.
-    pub fn on_sheet(picture: &Picture, bright: &[bool]) -> Light {
+    pub fn on_sheet(picture: &LinearPhotograph, bright: &[bool]) -> SheetLight {
         let (w, h) = (picture.width, picture.height);
         let side = (w.max(h) / BLOCKS).max(4);
         let (columns, rows) = (w / side, h / side);
@@ -43,7 +43,7 @@ impl Light {
             .collect();
         let busy = super::outline::widened(&busy, columns, rows, 1);
         let size = [w as f64, h as f64];
-        let mut light = Light { size, by: None, spread: SMatrix::zeros(), rest: UNSEEN, blocks: 0 };
+        let mut light = SheetLight { size, by: None, spread: SMatrix::zeros(), rest: UNSEEN, blocks: 0 };
         let mut points: Vec<(V6, [f64; 3])> = Vec::new();
         for b in (0..columns * rows).filter(|&b| !busy[b]) {
             let (i, j) = (b % columns * side, b / columns * side);

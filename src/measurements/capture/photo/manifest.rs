@@ -1,8 +1,8 @@
 //! `capture.toml` of photographs: which pictures there are, what lies in them, and what is stated because no
 //! photograph shows it. Places in a picture are in pixels from its upper left corner, lengths in mm.
 
-use crate::field::Fields;
-use crate::kind::{self, Kind};
+use crate::kind::{self, CaptureKind};
+use crate::manifest_check::ManifestCheck;
 use crate::photo::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_optics::side::Side;
@@ -15,7 +15,7 @@ const MARK_PX: f64 = 50.0;
 /// `capture.toml` of photographs. Unknown fields are errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Manifest {
+pub struct PhotoManifest {
     /// Version of the format.
     pub schema: u32,
     /// `photo`.
@@ -33,7 +33,7 @@ pub struct Manifest {
     pub thickness_range_mm: Option<[f64; 2]>,
     /// How numbers in PNG, TIFF and JPEG files stand for light. EXR files are linear.
     #[serde(default)]
-    pub transfer: Transfer,
+    pub transfer: TransferCurve,
     /// Readings of this value or more are clipped, 1 being the largest number of a PNG or TIFF file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub full_scale: Option<f64>,
@@ -48,27 +48,27 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texel_mm: Option<f64>,
     /// The grey card.
-    pub card: Stated,
+    pub card: ReflectanceStatement,
     /// The sheet that the leaf lies on in open shade.
-    pub background: Stated,
+    pub background: ReflectanceStatement,
     /// The ruler in the front's picture.
     pub ruler: Ruler,
     /// The front in open shade.
-    pub front: Shade,
+    pub front: ShadePhotograph,
     /// The back in open shade.
-    pub back: Shade,
+    pub back: ShadePhotograph,
     /// The leaf on the light table.
-    pub light_table: Table,
+    pub light_table: LightTable,
     /// What the surface mirrors; only a range is known when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gloss: Option<Gloss>,
+    pub gloss: Option<GlossStatement>,
 }
 
 /// How a number in a file stands for light: curves that their makers have published.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(strum::EnumIter))]
 #[serde(rename_all = "kebab-case")]
-pub enum Transfer {
+pub enum TransferCurve {
     /// In proportion to light.
     #[default]
     Linear,
@@ -98,7 +98,7 @@ pub enum Transfer {
 /// A stated reflectance and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Stated {
+pub struct ReflectanceStatement {
     /// Reflectance, the same in every channel.
     pub reflectance: f64,
     /// Its standard error.
@@ -128,7 +128,7 @@ fn one_pixel() -> f64 {
 /// One side in open shade.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Shade {
+pub struct ShadePhotograph {
     /// The picture's file.
     pub file: String,
     /// Left, top, width and height of a rectangle that lies wholly on the card (pixels).
@@ -138,7 +138,7 @@ pub struct Shade {
 /// The leaf on the light table, and the table alone with camera and exposure as they were.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Table {
+pub struct LightTable {
     /// The picture with the leaf.
     pub leaf: String,
     /// The picture with the leaf turned over, so that each side's ρt is seen; optional.
@@ -162,7 +162,7 @@ fn front() -> Side {
 /// Gloss as it is stated: no photograph in open shade shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Gloss {
+pub struct GlossStatement {
     /// Effective refractive index of front and back.
     pub index: [f64; 2],
     /// Standard error of an index.
@@ -176,13 +176,13 @@ fn index_err() -> f64 {
     0.05
 }
 
-impl Manifest {
+impl PhotoManifest {
     /// Reads and validates `CAPTURE/capture.toml`.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
-    pub fn read(folder: &Path) -> Result<Manifest> {
-        let (path, manifest) = kind::read::<Manifest>(folder, Kind::Photo)?;
+    pub fn read(folder: &Path) -> Result<PhotoManifest> {
+        let (path, manifest) = kind::read::<PhotoManifest>(folder, CaptureKind::Photo)?;
         manifest.validate(&path)?;
         Ok(manifest)
     }
@@ -232,7 +232,7 @@ impl Manifest {
     }
 
     fn validate(&self, path: &Path) -> Result<()> {
-        let fields = Fields { path };
+        let fields = ManifestCheck { path };
         let bad =
             |field: &str, found: &dyn std::fmt::Display, expected: &str| Err(fields.wrong(field, found, expected));
         if self.schema != 1 {

@@ -9,33 +9,33 @@
 
 #![warn(missing_docs)]
 
-mod coded;
 pub mod colours;
 pub mod diffuse;
-mod faint;
+mod encoding;
 mod gloss;
 mod grid;
-mod inspect;
+mod inspection;
+mod interreflection;
 mod light;
+mod light_table;
 pub mod manifest;
+mod maps;
 mod noise;
 mod outline;
 pub mod picture;
-mod reduce;
-mod reduced;
-mod register;
-mod returned;
+mod reduction;
+mod registration;
 mod ruler;
 mod shade;
-mod table;
+mod silhouette;
 mod texture;
 mod views;
 
-pub use inspect::{Inspection, inspect};
-pub use manifest::Manifest;
-pub use noise::Noise;
-pub use reduce::reduce;
-pub use reduced::{Reduced, ReducedSide};
-pub use ruler::Scale;
+pub use inspection::{PhotoInspection, inspect};
+pub use manifest::PhotoManifest;
+pub use maps::{PhotoMaps, PhotoSideMaps};
+pub use noise::SensorNoise;
+pub use reduction::reduce;
+pub use ruler::PictureScale;
 
 pub(crate) use mesophyll_base::error::{Error, Result};

@@ -10,9 +10,9 @@
 //! Numbers of 8 bits are rounded. Neighbours that show the same light are rounded alike, so that a mean over them is no
 //! better: this error is added to every mean.
 
-use super::coded::Steps;
-use super::manifest::Manifest;
-use super::picture::Picture;
+use super::encoding::TonalSteps;
+use super::manifest::PhotoManifest;
+use super::picture::LinearPhotograph;
 
 /// Pixels between two squares, at least. Converters of sensors with a colour filter mix pixels over up to five.
 const GAP: usize = 6;
@@ -23,7 +23,7 @@ const FEWEST: usize = 40;
 
 /// The camera's noise: the mean of n pixels that show the linear reading v has the variance (photon · v + read²)/n.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Noise {
+pub struct SensorNoise {
     /// Variance over reading of many pixels, times their number; a channel.
     pub photon: [f64; 3],
     /// Standard deviation without light.
@@ -33,27 +33,27 @@ pub struct Noise {
     /// The same as `photon` for squares of so many pixels a side, ascending; empty where noise is stated.
     measured: Vec<(f64, [f64; 3])>,
     /// The steps of the pictures' numbers, where they have 8 bits.
-    steps: Option<Steps>,
+    steps: Option<TonalSteps>,
 }
 
-impl Noise {
+impl SensorNoise {
     /// Independent noise of every pixel: a reading v has the variance photon · v + read².
-    pub fn stated(photon: f64, read: f64) -> Noise {
-        Noise { photon: [photon; 3], read, stated: true, measured: Vec::new(), steps: None }
+    pub fn stated(photon: f64, read: f64) -> SensorNoise {
+        SensorNoise { photon: [photon; 3], read, stated: true, measured: Vec::new(), steps: None }
     }
 
     /// The stated noise, or what the card shows: pixels of the rectangle left, top, width, height, which lies inside
     /// the picture. All of what is measured is taken as the photons', in proportion to light.
-    pub(super) fn of(m: &Manifest, picture: &Picture, card: [usize; 4]) -> Noise {
+    pub(super) fn of(m: &PhotoManifest, picture: &LinearPhotograph, card: [usize; 4]) -> SensorNoise {
         if m.noise_photon.is_some() || m.noise_read.is_some() {
-            let stated = Noise::stated(m.noise_photon.unwrap_or(0.0), m.noise_read.unwrap_or(0.0));
-            return Noise { steps: picture.steps.clone(), ..stated };
+            let stated = SensorNoise::stated(m.noise_photon.unwrap_or(0.0), m.noise_read.unwrap_or(0.0));
+            return SensorNoise { steps: picture.steps.clone(), ..stated };
         }
         let sides = (0..).map(|k| 1usize << k).take_while(|s| 3 * s + 2 * GAP.max(*s) <= card[2].max(card[3]));
         let measured: Vec<(f64, [f64; 3])> =
             sides.filter_map(|side| Some((side as f64, of_squares(picture, card, side)?))).collect();
         let photon = measured.last().map_or([0.0; 3], |m| m.1);
-        Noise { photon, read: 0.0, stated: false, measured, steps: picture.steps.clone() }
+        SensorNoise { photon, read: 0.0, stated: false, measured, steps: picture.steps.clone() }
     }
 
     /// Whether the noise is known: stated, or measured on squares large enough to show what neighbours share.
@@ -81,7 +81,7 @@ impl Noise {
 
 /// The variance of the mean of squares of `side` pixels a side, over the reading, times their number of pixels; `None`
 /// where the card holds too few of them.
-fn of_squares(picture: &Picture, [left, top, width, height]: [usize; 4], side: usize) -> Option<[f64; 3]> {
+fn of_squares(picture: &LinearPhotograph, [left, top, width, height]: [usize; 4], side: usize) -> Option<[f64; 3]> {
     let apart = side + GAP.max(side);
     // Squares overlap by half. Single pixels are all looked at, so that each kind of a colour filter's pixels counts.
     let step = (side / 2).max(1);
@@ -121,7 +121,7 @@ fn of_squares(picture: &Picture, [left, top, width, height]: [usize; 4], side: u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_base::random::Stream;
+    use mesophyll_base::random::RandomStream;
 
     const W: usize = 480;
     const H: usize = 360;
@@ -130,10 +130,10 @@ mod tests {
 
     /// A grey card behind a Bayer filter (R G / G B), with white noise and an even slope of the light, and the colours
     /// between made from their nearest neighbours of that colour.
-    fn bayer(seed: u64) -> Picture {
+    fn bayer(seed: u64) -> LinearPhotograph {
         let raw: Vec<f64> = (0..H)
             .flat_map(|j| {
-                let mut stream = Stream::new(seed, &[j as u64]);
+                let mut stream = RandomStream::new(seed, &[j as u64]);
                 (0..W).map(|i| LEVEL * (1.0 + 1e-4 * i as f64) + SD * stream.normal_pair()[0]).collect::<Vec<_>>()
             })
             .collect();
@@ -166,10 +166,10 @@ mod tests {
             (of.iter().sum::<f64>() / of.len() as f64) as f32
         };
         let pixels = (0..W * H).map(|k| [0, 1, 2].map(|c| between((k % W) as i64, (k / W) as i64, c))).collect();
-        Picture { path: "card.exr".into(), width: W, height: H, pixels, highest: (1.0, 1), steps: None }
+        LinearPhotograph { path: "card.exr".into(), width: W, height: H, pixels, highest: (1.0, 1), steps: None }
     }
 
-    fn unstated() -> Manifest {
+    fn unstated() -> PhotoManifest {
         toml::from_str(
             r#"
             schema = 1
@@ -193,14 +193,14 @@ mod tests {
     /// many other pictures. Differences of neighbouring pixels would give a fourth of it in red.
     #[test]
     fn noise_that_neighbours_share_is_found_in_full() {
-        let noise = Noise::of(&unstated(), &bayer(1), [100, 80, 160, 120]);
+        let noise = SensorNoise::of(&unstated(), &bayer(1), [100, 80, 160, 120]);
         let white = SD * SD;
         for (c, share) in [(0, 4.0), (1, 2.0), (2, 4.0)] {
             let far = noise.of_mean(c, LEVEL, 16.0) * 256.0 / white;
             assert!((far / share - 1.0).abs() < 0.35, "channel {c}: {far} of {share}");
         }
         // Means of the square at one place, over pictures.
-        let pictures: Vec<Picture> = (10..14).map(bayer).collect();
+        let pictures: Vec<LinearPhotograph> = (10..14).map(bayer).collect();
         for side in [1usize, 2, 4, 8] {
             let mut sums = [[0.0f64; 2]; 3];
             let mut n = 0.0;
@@ -238,11 +238,11 @@ mod tests {
     fn stated_noise_and_small_cards() {
         let mut m = unstated();
         let picture = bayer(2);
-        assert!(!Noise::of(&m, &picture, [10, 10, 20, 14]).is_known());
-        assert!(Noise::of(&m, &picture, [10, 10, 32, 24]).is_known());
+        assert!(!SensorNoise::of(&m, &picture, [10, 10, 20, 14]).is_known());
+        assert!(SensorNoise::of(&m, &picture, [10, 10, 32, 24]).is_known());
         m.noise_photon = Some(4e-4);
         m.noise_read = Some(1e-3);
-        let noise = Noise::of(&m, &picture, [10, 10, 5, 5]);
+        let noise = SensorNoise::of(&m, &picture, [10, 10, 5, 5]);
         assert!(noise.is_known() && (noise.of_mean(0, 0.25, 4.0) - (1e-4 + 1e-6) / 16.0).abs() < 1e-15);
     }
 }

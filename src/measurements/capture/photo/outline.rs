@@ -1,8 +1,8 @@
 //! Where the leaf is in a photograph: in open shade it is brighter than the black sheet that it lies on, and on the
 //! light table it is darker than the table.
 
-use super::light::Light;
-use super::picture::Picture;
+use super::light::SheetLight;
+use super::picture::LinearPhotograph;
 use crate::dome::noise::quantile;
 use crate::lightbox::{mask_from_transmission, pieces};
 use crate::photo::{Error, Result};
@@ -19,7 +19,7 @@ pub const PIECES: usize = 6;
 
 /// What lies on the sheet in a picture in open shade.
 #[derive(Debug)]
-pub struct Outline {
+pub struct PhotoOutline {
     /// Masks of the pieces that may be the leaf, the largest first; holes are filled. None where nothing stands out.
     pub candidates: Vec<Vec<bool>>,
     /// Whatever is brighter than the sheet.
@@ -43,7 +43,7 @@ pub(super) fn level(values: impl Iterator<Item = f32>, count: usize, q: f64) -> 
 /// sheet's brightness is first the first quintile of the picture, then the light that the sheet shows ([`Light`]). The
 /// edge of a piece lies halfway, in ratio, between the sheet and the piece's own median: a white ruler's edge is not
 /// the leaf's.
-pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Outline {
+pub fn on_sheet(picture: &LinearPhotograph, other: &[usize], most: usize) -> PhotoOutline {
     let (w, h) = (picture.width, picture.height);
     let sheet = [0, 1, 2].map(|c: usize| level(picture.pixels.iter().map(|v| v[c]), w * h, 0.2).max(1e-9));
     // A clipped pixel is brighter than the sheet, one without a reading is not known to be.
@@ -58,7 +58,7 @@ pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Outline {
         contrast.iter().map(|v| f64::from(*v) > threshold).collect()
     };
     let mut contrast = against(&|_| sheet);
-    let light = Light::on_sheet(picture, &over(&contrast, BRIGHTER));
+    let light = SheetLight::on_sheet(picture, &over(&contrast, BRIGHTER));
     if light.is_seen() {
         contrast = against(&|k| light.at([(k % w) as f64 + 0.5, (k / w) as f64 + 0.5]));
     }
@@ -72,7 +72,7 @@ pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Outline {
     let (label, sizes) = free(BRIGHTER);
     let mut order: Vec<usize> = (1..sizes.len()).filter(|&p| sizes[p] >= SMALLEST).collect();
     order.sort_unstable_by_key(|&p| (usize::MAX - sizes[p], p));
-    let mut found = Outline { candidates: Vec::new(), bright: Vec::new(), at_border: false, contrast: f64::NAN };
+    let mut found = PhotoOutline { candidates: Vec::new(), bright: Vec::new(), at_border: false, contrast: f64::NAN };
     if order.is_empty() {
         found.bright = over(&contrast, BRIGHTER);
         return found;
@@ -111,7 +111,7 @@ pub fn on_sheet(picture: &Picture, other: &[usize], most: usize) -> Outline {
 ///
 /// # Errors
 /// [`Error::Input`] where nothing is darker than the table, and where the leaf touches the border.
-pub fn on_table(picture: &Picture, ratio: &[[f32; 3]]) -> Result<Vec<bool>> {
+pub fn on_table(picture: &LinearPhotograph, ratio: &[[f32; 3]]) -> Result<Vec<bool>> {
     let (w, h) = (picture.width, picture.height);
     let (label, sizes) = pieces(&mask_from_transmission(ratio, w, h), w, h);
     let largest = (1..sizes.len()).max_by_key(|&p| (sizes[p], usize::MAX - p)).filter(|&p| sizes[p] >= SMALLEST);

@@ -1,10 +1,10 @@
 //! A photograph in memory: linear light, with pixels that are clipped (+∞) or without a reading (NaN).
 
-use super::coded::{self, Steps};
-use super::manifest::Manifest;
+use super::encoding::{self, TonalSteps};
+use super::manifest::PhotoManifest;
 use crate::photo::{Error, Result};
 use mesophyll_files::memory;
-use mesophyll_files::picture::{self, RGB, Request};
+use mesophyll_files::picture::{self, PictureRequest, RGB};
 use std::path::{Path, PathBuf};
 
 /// Largest picture that is read (pixels); larger ones can be developed smaller.
@@ -14,7 +14,7 @@ const BYTES: u64 = 60;
 
 /// A photograph, row-major, row 0 on top.
 #[derive(Debug, Clone)]
-pub struct Picture {
+pub struct LinearPhotograph {
     /// Where it was read from.
     pub path: PathBuf,
     /// Pixels a row.
@@ -27,21 +27,21 @@ pub struct Picture {
     /// without a stated full scale.
     pub highest: (f32, usize),
     /// The steps of its numbers, where they have 8 bits.
-    pub steps: Option<Steps>,
+    pub steps: Option<TonalSteps>,
 }
 
-impl Picture {
+impl LinearPhotograph {
     /// Reads an EXR or a Radiance file, a PNG or a TIFF file with 16 bits a channel, or one of these or a JPEG with
     /// 8 bits and a known curve.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing, broken, of another kind, without colours, with 8 bits a channel and
     /// no curve, or too large.
-    pub fn read(path: &Path, manifest: &Manifest) -> Result<Picture> {
+    pub fn read(path: &Path, manifest: &PhotoManifest) -> Result<LinearPhotograph> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let (width, height, mut pixels, steps) = match extension.as_str() {
             "exr" | "hdr" => linear(path)?,
-            "png" | "tif" | "tiff" | "jpg" | "jpeg" => coded::read(path, manifest.transfer)?,
+            "png" | "tif" | "tiff" | "jpg" | "jpeg" => encoding::read(path, manifest.transfer)?,
             _ => {
                 let expected =
                     "an .exr or .hdr file, or a .png, .tif or .tiff file with 16 bits a channel, developed from RAW";
@@ -62,7 +62,7 @@ impl Picture {
         if highest.1 == 0 {
             return Err(Error::input(path, "no reading anywhere: every pixel is clipped or NaN"));
         }
-        Ok(Picture { path: path.into(), width, height, pixels, highest, steps })
+        Ok(LinearPhotograph { path: path.into(), width, height, pixels, highest, steps })
     }
 
     /// The mean of the three channels, which is not finite where one is not.
@@ -110,9 +110,9 @@ pub(super) fn too_large(path: &Path, width: usize, height: usize) -> Result<()> 
     memory::require(BYTES * (width * height) as u64, &format!("{}: a picture of this size", path.display()))
 }
 
-fn linear(path: &Path) -> Result<coded::Read> {
-    let request = Request { names: &RGB, all: false, outside: f32::NAN };
-    let picture::Linear { maps, said } = picture::read(path, &request, |w, h| too_large(path, w, h))?;
+fn linear(path: &Path) -> Result<encoding::Read> {
+    let request = PictureRequest { names: &RGB, all: false, outside: f32::NAN };
+    let picture::LinearPicture { maps, said } = picture::read(path, &request, |w, h| too_large(path, w, h))?;
     picture::tell(path, &said);
     Ok((maps.width, maps.height, crate::reader::interleave(&maps), None))
 }

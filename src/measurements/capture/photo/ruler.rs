@@ -6,7 +6,7 @@
 //! near the frequency that the marks say. Where no such period stands out, the marks alone give the scale.
 
 use super::manifest::Ruler;
-use super::picture::Picture;
+use super::picture::LinearPhotograph;
 use std::f64::consts::PI;
 
 /// How many times the power beside it a period must have.
@@ -18,7 +18,7 @@ const PRINTED: f64 = 1e-3;
 
 /// The scale of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scale {
+pub struct PictureScale {
     /// Size of a pixel (mm).
     pub pixel_mm: f64,
     /// Its relative standard error.
@@ -28,11 +28,12 @@ pub struct Scale {
 }
 
 /// The scale that `ruler` gives in `picture`.
-pub fn scale(picture: &Picture, ruler: &Ruler) -> Scale {
+pub fn scale(picture: &LinearPhotograph, ruler: &Ruler) -> PictureScale {
     let [a, b] = ruler.marks_px;
     let length = (b[0] - a[0]).hypot(b[1] - a[1]);
     let marks_err = std::f64::consts::SQRT_2 * ruler.err_px / length;
-    let marks = Scale { pixel_mm: ruler.length_mm / length, relative_err: marks_err.hypot(PRINTED), by_ticks: false };
+    let marks =
+        PictureScale { pixel_mm: ruler.length_mm / length, relative_err: marks_err.hypot(PRINTED), by_ticks: false };
     let Some(tick_mm) = ruler.tick_mm else { return marks };
     let along = [(b[0] - a[0]) / length, (b[1] - a[1]) / length];
     let n = length.ceil() as usize;
@@ -85,7 +86,7 @@ pub fn scale(picture: &Picture, ruler: &Ruler) -> Scale {
     // the line; the power beside the peak is the noise.
     let noise = (beside[beside.len() / 2] / best.1).sqrt();
     let err = 3f64.sqrt() / PI * noise / cycles;
-    Scale { pixel_mm: cycles * tick_mm / length, relative_err: err.hypot(PRINTED), by_ticks: true }
+    PictureScale { pixel_mm: cycles * tick_mm / length, relative_err: err.hypot(PRINTED), by_ticks: true }
 }
 
 #[cfg(test)]
@@ -109,7 +110,7 @@ mod tests {
                 [(0.8 - dark + noise) as f32; 3]
             };
             let pixels = (0..width * height).map(pixel).collect();
-            Picture { path: "ruler.exr".into(), width, height, pixels, highest: (0.85, 1), steps: None }
+            LinearPhotograph { path: "ruler.exr".into(), width, height, pixels, highest: (0.85, 1), steps: None }
         };
         let place = |s: f64, off: f64| [20.0 + (s + off) * along[0], 15.0 + (s + off) * along[1]];
         let marks_px = [place(0.0, -1.2), place(50.0 * 7.31, 1.5)];

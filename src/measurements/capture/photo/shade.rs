@@ -1,11 +1,11 @@
 //! A side of the leaf in open shade: its reflectance against the grey card, gloss still included.
 
 use super::grid::Grid;
-use super::light::Light;
-use super::manifest::{Manifest, Shade};
-use super::noise::Noise;
-use super::picture::Picture;
-use super::register::{Match, Motion};
+use super::light::SheetLight;
+use super::manifest::{PhotoManifest, ShadePhotograph};
+use super::noise::SensorNoise;
+use super::picture::LinearPhotograph;
+use super::registration::{OutlineMatch, SimilarityTransform};
 use crate::photo::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -36,7 +36,12 @@ pub(super) struct Lit {
 }
 
 /// The pixels of the stated rectangle on the card.
-pub(super) fn card_pixels(folder: &Path, picture: &Picture, shade: &Shade, field: &str) -> Result<Vec<usize>> {
+pub(super) fn card_pixels(
+    folder: &Path,
+    picture: &LinearPhotograph,
+    shade: &ShadePhotograph,
+    field: &str,
+) -> Result<Vec<usize>> {
     let [left, top, width, height] = shade.card;
     let fits = left.checked_add(width).is_some_and(|r| r <= picture.width)
         && top.checked_add(height).is_some_and(|b| b <= picture.height);
@@ -45,7 +50,7 @@ pub(super) fn card_pixels(folder: &Path, picture: &Picture, shade: &Shade, field
             "left, top, width and height of at least 4 by 4 pixels on the card, inside the {}x{} of the picture",
             picture.width, picture.height
         );
-        return Err(Manifest::wrong(folder, field, format!("{:?}", shade.card), size));
+        return Err(PhotoManifest::wrong(folder, field, format!("{:?}", shade.card), size));
     }
     let clipped = picture.clipped(shade.card);
     if clipped > 1e-3 {
@@ -58,17 +63,17 @@ pub(super) fn card_pixels(folder: &Path, picture: &Picture, shade: &Shade, field
 /// One side's reflectance against the card, gloss included.
 pub(super) fn lit(
     folder: &Path,
-    m: &Manifest,
-    picture: &Picture,
+    m: &PhotoManifest,
+    picture: &LinearPhotograph,
     card: &[usize],
     bright: &[bool],
     grid: &Grid,
     mask: &[bool],
-    found: Option<&Match>,
-    noise: &Noise,
+    found: Option<&OutlineMatch>,
+    noise: &SensorNoise,
     name: &str,
 ) -> Result<Lit> {
-    let light = Light::on_sheet(picture, bright);
+    let light = SheetLight::on_sheet(picture, bright);
     let w = picture.width;
     let middle = |k: usize| [(k % w) as f64 + 0.5, (k / w) as f64 + 0.5];
     let shade = if name == "front" { &m.front } else { &m.back };
@@ -80,7 +85,7 @@ pub(super) fn lit(
         let expected = (noise.of_mean(c, level[c] * unit, 1.0).sqrt() / unit).hypot(0.05 * level[c]);
         if !(level[c] > 0.0 && grain[c] < 2.0 * expected) {
             let found = format!("a rectangle with readings of {:.4} ± {:.4}", level[c], grain[c]);
-            return Err(Manifest::wrong(
+            return Err(PhotoManifest::wrong(
                 folder,
                 &format!("{name}.card"),
                 found,
@@ -93,9 +98,9 @@ pub(super) fn lit(
     if light.is_seen() && m.background.reflectance > 0.0 && !(1.0 / WRONG..WRONG).contains(&(level[1] / stated)) {
         let found = format!("a rectangle {:.2} times as bright as the sheet", level[1]);
         let expected = format!("about {stated:.2} times, as the stated reflectances of card and sheet say");
-        return Err(Manifest::wrong(folder, &format!("{name}.card"), found, expected));
+        return Err(PhotoManifest::wrong(folder, &format!("{name}.card"), found, expected));
     }
-    let motion = found.map_or(Motion::NONE, |f| f.motion);
+    let motion = found.map_or(SimilarityTransform::NONE, |f| f.motion);
     let factor = level.map(|l| m.card.reflectance / l);
     let size = motion.scale();
     let value = grid.mean(mask, size, |p| {
@@ -150,7 +155,12 @@ struct Card {
     reading_err: [f64; 3],
 }
 
-fn read_card(picture: &Picture, [left, top, width, height]: [usize; 4], card: &[usize], light: &Light) -> Card {
+fn read_card(
+    picture: &LinearPhotograph,
+    [left, top, width, height]: [usize; 4],
+    card: &[usize],
+    light: &SheetLight,
+) -> Card {
     let w = picture.width;
     let mut cells = [[[0.0; 2]; CELLS * CELLS]; 3];
     let mut squares = [0.0; 3];

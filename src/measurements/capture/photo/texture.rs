@@ -3,8 +3,8 @@
 //! every picture, at the same places. Where the texture tells nothing, the outlines decide, however little they differ.
 
 use super::grid::Grid;
-use super::picture::Picture;
-use super::register::{Match, Matches, Motion};
+use super::picture::LinearPhotograph;
+use super::registration::{OutlineMatch, OutlineMatches, SimilarityTransform};
 
 /// Turns whose outlines overlap by no less than this from the best one are compared by texture.
 const ALIKE: f64 = 0.03;
@@ -18,21 +18,27 @@ const CLEARER: f64 = 4.0;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Chosen {
     /// The match.
-    pub found: Match,
+    pub found: OutlineMatch,
     /// The leaf may as well be turned by a large angle.
     pub doubtful: bool,
 }
 
 /// Chooses between the best match and one of another turn. `seen` is what the first picture shows on the grid where
 /// `mask` is set.
-pub(super) fn choose(grid: &Grid, mask: &[bool], seen: &[[f64; 3]], picture: &Picture, matches: Matches) -> Chosen {
-    let Matches { best, rival } = matches;
+pub(super) fn choose(
+    grid: &Grid,
+    mask: &[bool],
+    seen: &[[f64; 3]],
+    picture: &LinearPhotograph,
+    matches: OutlineMatches,
+) -> Chosen {
+    let OutlineMatches { best, rival } = matches;
     let Some(rival) = rival.filter(|r| r.overlap > best.overlap - ALIKE) else {
         return Chosen { found: best, doubtful: false };
     };
     let first: Vec<f64> = seen.iter().map(|v| v.iter().sum()).collect();
     let first = texture(grid, mask, &first);
-    let like = |motion: Motion| {
+    let like = |motion: SimilarityTransform| {
         // Whole texels, as in `seen`: single pixels of fine veins would be anything.
         let seen = grid.mean(mask, motion.scale(), |p| picture.at(motion.at(p)));
         let map: Vec<f64> = seen.iter().map(|v| v.iter().sum()).collect();
@@ -74,17 +80,17 @@ fn texture(grid: &Grid, mask: &[bool], map: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::photo::register::{Mask, register};
-    use mesophyll_base::random::Stream;
+    use crate::photo::registration::{BinaryMask, register};
+    use mesophyll_base::random::RandomStream;
 
     const W: usize = 200;
     const H: usize = 140;
 
     /// An ellipse with veins that are not symmetric, turned by `angle` about the middle, under noise. With `egg` it is
     /// wider at its right end, by this share of its width in the middle.
-    fn drawn(angle: f64, veins: f64, egg: f64, seed: u64) -> (Vec<bool>, Picture) {
+    fn drawn(angle: f64, veins: f64, egg: f64, seed: u64) -> (Vec<bool>, LinearPhotograph) {
         let (sin, cos) = angle.sin_cos();
-        let mut stream = Stream::new(seed, &[1]);
+        let mut stream = RandomStream::new(seed, &[1]);
         let (mut inside, mut pixels) = (Vec::new(), Vec::new());
         for k in 0..W * H {
             let [x, y] = [(k % W) as f64 + 0.5 - 100.0, (k / W) as f64 + 0.5 - 70.0];
@@ -95,14 +101,18 @@ mod tests {
             inside.push(on);
             pixels.push([(light + 0.01 * stream.normal_pair()[0]) as f32; 3]);
         }
-        (inside, Picture { path: "leaf.exr".into(), width: W, height: H, pixels, highest: (1.0, 1), steps: None })
+        (
+            inside,
+            LinearPhotograph { path: "leaf.exr".into(), width: W, height: H, pixels, highest: (1.0, 1), steps: None },
+        )
     }
 
     fn chosen(angle: f64, veins: f64, egg: f64) -> (f64, bool) {
         let ((a, first), (b, second)) = (drawn(0.0, 0.08, egg, 1), drawn(angle, -veins, egg, 2));
-        let matches = register(Mask { inside: &a, width: W }, Mask { inside: &b, width: W }, false).unwrap();
+        let matches =
+            register(BinaryMask { inside: &a, width: W }, BinaryMask { inside: &b, width: W }, false).unwrap();
         let grid = Grid { origin: [10, 20], step: 2, width: 90, height: 50 };
-        let mask: Vec<bool> = (0..90 * 50).map(|k| Mask { inside: &a, width: W }.holds(grid.middle(k))).collect();
+        let mask: Vec<bool> = (0..90 * 50).map(|k| BinaryMask { inside: &a, width: W }.holds(grid.middle(k))).collect();
         let seen = grid.mean(&mask, 1.0, |p| first.at(p));
         let found = choose(&grid, &mask, &seen, &second, matches);
         // A place right of the middle: where it comes to lie.

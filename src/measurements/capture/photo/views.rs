@@ -1,11 +1,11 @@
 //! The pictures of the leaf on the light table, laid over the front's: one, or one of each side.
 
 use super::grid::Grid;
-use super::manifest::Manifest;
-use super::noise::Noise;
-use super::picture::Picture;
-use super::register::{Mask, Match, register};
-use super::table::{OverBare, on_light_table, over_bare};
+use super::light_table::{OverBare, on_light_table, over_bare};
+use super::manifest::PhotoManifest;
+use super::noise::SensorNoise;
+use super::picture::LinearPhotograph;
+use super::registration::{BinaryMask, OutlineMatch, register};
 use super::texture::choose;
 use crate::photo::{Error, Result};
 use mesophyll_optics::side::Side;
@@ -32,20 +32,20 @@ impl Views {
     /// Pictures that cannot be read, show no leaf, or whose outlines do not match `front`'s.
     pub fn read(
         folder: &Path,
-        m: &Manifest,
-        front: Mask,
+        m: &PhotoManifest,
+        front: BinaryMask,
         seen: &[[f64; 3]],
         grid: &Grid,
         mask: &mut [bool],
-        noise: &Noise,
+        noise: &SensorNoise,
         least_apart_px: f64,
     ) -> Result<Views> {
-        let bare = Picture::read(&folder.join(&m.light_table.bare), m)?;
+        let bare = LinearPhotograph::read(&folder.join(&m.light_table.bare), m)?;
         let mut view = |file: &str, side: Side, way: &str| {
             let path = folder.join(file);
-            let picture = Picture::read(&path, m)?;
+            let picture = LinearPhotograph::read(&path, m)?;
             let table = on_light_table(&picture, &bare)?;
-            let outline = Mask { inside: &table.mask, width: picture.width };
+            let outline = BinaryMask { inside: &table.mask, width: picture.width };
             let mirrored = side == Side::Back;
             let Some(found) = register(front, outline, mirrored) else { return Err(mismatch(&path, 0.0)) };
             judge(&path, front, outline, &found.best, mirrored, way)?;
@@ -97,7 +97,14 @@ pub(super) fn mismatch(path: &Path, overlap: f64) -> Error {
 }
 
 /// Refuses outlines that do not match, and a leaf that lies the wrong way up.
-pub(super) fn judge(path: &Path, first: Mask, second: Mask, found: &Match, mirrored: bool, way: &str) -> Result<()> {
+pub(super) fn judge(
+    path: &Path,
+    first: BinaryMask,
+    second: BinaryMask,
+    found: &OutlineMatch,
+    mirrored: bool,
+    way: &str,
+) -> Result<()> {
     let other = register(first, second, !mirrored).map_or(0.0, |m| m.best.overlap);
     if other > found.overlap + TURNED {
         let [fits, turned] = [100.0 * found.overlap, 100.0 * other];

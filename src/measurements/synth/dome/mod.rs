@@ -12,29 +12,29 @@
 //! Scans: heights towards each camera with white noise, both smoothed by the scanner's filter. Each scan has its own
 //! zero and tilt.
 
-mod through;
+mod back_light;
 mod veil;
 
-use crate::leaf::{GrownSide, Leaf, Window, crop, texel_size};
+use crate::leaf::{FieldWindow, SyntheticLeaf, SyntheticSide, crop, texel_size};
 use crate::preview;
 use crate::scan::{SHOTS, gain, stop_if_asked, write_frame};
 use crate::sensor::Sensor;
-use crate::spec::{Model, Spec};
+use crate::spec::{InteriorModel, LeafSpec};
 use crate::{Error, Result};
-use mesophyll_base::random::Stream;
-use mesophyll_capture::dome::manifest::{Manifest, Picture, empty_path, white_path};
-use mesophyll_capture::dome::smooth::{Kernel, pass, smooth};
-use mesophyll_capture::dome::visible::visible;
-use mesophyll_capture::kind::Kind;
+use back_light::{REACH_MM, through};
+use mesophyll_base::random::RandomStream;
+use mesophyll_capture::dome::manifest::{DomeManifest, DomePicture, empty_path, white_path};
+use mesophyll_capture::dome::smoothing::{SmoothingKernel, pass, smooth};
+use mesophyll_capture::dome::visibility::visible;
+use mesophyll_capture::kind::CaptureKind;
 use mesophyll_capture::manifest::texel_position;
 use mesophyll_files::atomic;
-use mesophyll_files::image::{Maps, Packing, write_exr};
-use mesophyll_files::progress::Bar;
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll_files::progress::TaskProgress;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::translucency::blade as optics;
 use std::path::{Path, PathBuf};
-use through::{REACH_MM, through};
 use veil::Veil;
 
 /// How a specification is photographed and scanned.
@@ -53,7 +53,7 @@ pub struct Options {
     /// Seed of the noise.
     pub seed: u64,
     /// Whether σa varies over the leaf.
-    pub model: Model,
+    pub model: InteriorModel,
 }
 
 /// Standard deviation of the Gaussian of the scanner's smoothing (mm).
@@ -69,19 +69,19 @@ const OFFSET_MM: f64 = 2.0;
 
 /// A leaf with the geometry of its blade and what its photographs show.
 #[derive(Debug, Clone)]
-pub struct Blade {
+pub struct DomeLeaf {
     /// The leaf with all its maps.
-    pub leaf: Leaf,
+    pub leaf: SyntheticLeaf,
     /// Heights of front and back over one plane, each as its own camera saw it (mm).
     pub height: [Vec<f64>; 2],
     /// What the photographs of front and back show.
-    pub shown: [Shown; 2],
+    pub shown: [SideAppearance; 2],
     centre_mm: [f64; 2],
 }
 
 /// What the photographs of a side would show under even light: shares of the dome's light and of the back light.
 #[derive(Debug, Clone)]
-pub struct Shown {
+pub struct SideAppearance {
     /// ρd times the share of the dome that is seen.
     pub albedo: Vec<[f32; 3]>,
     /// What the surface mirrors.
@@ -90,29 +90,29 @@ pub struct Shown {
     pub transmittance: Vec<[f32; 3]>,
 }
 
-impl Blade {
+impl DomeLeaf {
     /// Grows the leaf of a specification, gives it a back, and lights it; `None` when not one texel lies on it. The
     /// leaf continues around a patch, so that light may come in from the sides.
     ///
     /// # Errors
     /// The errors of the spreading of light ([`through`]).
-    pub fn grow(spec: &Spec, options: &Options) -> Result<Option<Blade>> {
+    pub fn grow(spec: &LeafSpec, options: &Options) -> Result<Option<DomeLeaf>> {
         let (w, h) = (options.width, options.height);
         let (window, margin) = match options.patch {
             Some((size, centre_mm)) => {
                 let texel_mm = size / w as f64;
-                (Window { centre_mm, texel_mm }, ((REACH_MM / texel_mm).ceil() as usize).min(1024))
+                (FieldWindow { centre_mm, texel_mm }, ((REACH_MM / texel_mm).ceil() as usize).min(1024))
             }
-            None => (Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
+            None => (FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
         };
         let wide = w + 2 * margin;
-        let grown = Leaf::grow_in(spec, options.model, (wide, h + 2 * margin), window);
+        let grown = SyntheticLeaf::grow_in(spec, options.model, (wide, h + 2 * margin), window);
         let Some(mut leaf) = grown.filter(|leaf| !leaf.front.sigma_a.is_empty()) else {
             return Ok(None);
         };
         let under: Vec<f64> = leaf.relief.iter().zip(&leaf.front.thickness).map(|(z, d)| f64::from(*d) - z).collect();
         let height = [leaf.relief.clone(), mirror(&under, wide)];
-        let shape = optics::Blade::from_heights(
+        let shape = optics::BladeMaps::from_heights(
             wide,
             leaf.height,
             leaf.texel_mm,
@@ -123,7 +123,7 @@ impl Blade {
         let back = shape.back.normal.iter().zip(leaf.mask_of(Side::Back));
         leaf.back.normal = back.map(|(n, m)| if m { n.map(|v| v as f32) } else { [0.0; 3] }).collect();
         let shown = shine(&leaf, &shape)?;
-        let cut = |s: &Shown| Shown {
+        let cut = |s: &SideAppearance| SideAppearance {
             albedo: crop(&s.albedo, wide, margin),
             highlight: crop(&s.highlight, wide, margin),
             transmittance: crop(&s.transmittance, wide, margin),
@@ -133,7 +133,7 @@ impl Blade {
             return Ok(None);
         }
         let height = [0, 1].map(|s: usize| crop(&height[s], wide, margin));
-        Ok(Some(Blade { leaf, height, shown: [cut(&shown[0]), cut(&shown[1])], centre_mm: window.centre_mm }))
+        Ok(Some(DomeLeaf { leaf, height, shown: [cut(&shown[0]), cut(&shown[1])], centre_mm: window.centre_mm }))
     }
 
     /// Place of a texel in the field (mm), for the front. Light and camera are equally uneven for the back.
@@ -145,15 +145,15 @@ impl Blade {
 }
 
 /// The light of both sides, front first.
-fn shine(leaf: &Leaf, shape: &optics::Blade) -> Result<[Shown; 2]> {
+fn shine(leaf: &SyntheticLeaf, shape: &optics::BladeMaps) -> Result<[SideAppearance; 2]> {
     let veil = Veil::new(leaf.lobe);
     let [front, back] = through(leaf, shape)?;
-    let side = |side: &GrownSide, lit: Side, transmittance: Vec<[f32; 3]>| {
+    let side = |side: &SyntheticSide, lit: Side, transmittance: Vec<[f32; 3]>| {
         let seen = visible(&shape.lit(lit));
         let mask = leaf.mask_of(lit);
         let mirrored =
             |k: usize| f64::from(side.rho_s[k][0]) * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k]));
-        Shown {
+        SideAppearance {
             albedo: side.rho_d.iter().zip(&seen).map(|(d, v)| d.map(|d| (f64::from(d) * v) as f32)).collect(),
             highlight: (0..mask.len()).map(|k| if mask[k] { mirrored(k) as f32 } else { 0.0 }).collect(),
             transmittance,
@@ -166,13 +166,13 @@ fn shine(leaf: &Leaf, shape: &optics::Blade) -> Result<[Shown; 2]> {
 ///
 /// # Errors
 /// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
-pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> Result<Manifest> {
+pub fn capture(spec: &LeafSpec, blade: &DomeLeaf, options: &Options, folder: &Path) -> Result<DomeManifest> {
     let leaf = &blade.leaf;
     let (device, size) = (&spec.device, (leaf.width, leaf.height));
     let sensor = Sensor { relative: options.noise, floor: device.noise_floor, full_scale: device.full_scale };
     let manifest = manifest_of(spec, blade, options);
     let sides = [Side::Front, Side::Back];
-    let bar = Bar::new("photographing sides", 2);
+    let bar = TaskProgress::new("photographing sides", 2);
     let put = |path: PathBuf, light: &dyn Fn(usize) -> [f64; 3], sensor: Sensor, place: u64| {
         stop_if_asked(folder)?;
         let image = (0..manifest.texels()).map(|k| {
@@ -194,11 +194,11 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
         // Beside the leaf the camera sees the back light, and under the dome it sees black cloth.
         let albedo = |k: usize| shown.albedo[k].map(|d| dome(k) * f64::from(d + shown.highlight[k]));
         let through = |k: usize| shown.transmittance[k].map(|t| lamp(k) * if mask[k] { f64::from(t) } else { 1.0 });
-        put(Picture::Albedo.path(folder, name), &albedo, sensor, s as u64)?;
-        put(Picture::Translucency.path(folder, name), &through, sensor, 2 + s as u64)?;
-        let mut scan = Maps::new(size.0, size.1);
+        put(DomePicture::Albedo.path(folder, name), &albedo, sensor, s as u64)?;
+        put(DomePicture::Translucency.path(folder, name), &through, sensor, 2 + s as u64)?;
+        let mut scan = ChannelMaps::new(size.0, size.1);
         scan.push("Y", scanned(&blade.height[s], &mask, leaf, options, s as u64));
-        write_exr(&Picture::Height.path(folder, name), &scan, Packing::Raw)?;
+        write_exr(&DomePicture::Height.path(folder, name), &scan, Packing::Raw)?;
         let truth = truth(blade, name, shown, s);
         write_exr(&mesophyll_capture::truth_path(folder, name), &truth, Packing::Zip)?;
         preview::write(folder, leaf, name)?;
@@ -208,7 +208,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     put(white_path(folder), &|k| [dome(k); 3], mean, 4)?;
     put(empty_path(folder), &|k| [lamp(k); 3], mean, 5)?;
     put(folder.join("dark.exr"), &|_| [0.0; 3], mean, 6)?;
-    let mut mask = Maps::new(size.0, size.1);
+    let mut mask = ChannelMaps::new(size.0, size.1);
     mask.push("Y", leaf.mask.iter().map(|&m| f32::from(u8::from(m))).collect());
     write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)?;
     let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
@@ -217,7 +217,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
 }
 
 /// The true maps of a side: those of the leaf, and what its photographs show of it.
-pub fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
+pub fn truth(blade: &DomeLeaf, name: Side, shown: &SideAppearance, s: usize) -> ChannelMaps {
     let mask = blade.leaf.mask_of(name);
     let mut maps = blade.leaf.truth(name);
     for c in 0..3 {
@@ -235,16 +235,16 @@ pub fn truth(blade: &Blade, name: Side, shown: &Shown, s: usize) -> Maps {
 
 /// A height scan: the surface and the scanner's noise, smoothed together, with the scan's own tilt and zero; NaN off
 /// the leaf.
-fn scanned(height: &[f64], mask: &[bool], leaf: &Leaf, options: &Options, side: u64) -> Vec<f32> {
+fn scanned(height: &[f64], mask: &[bool], leaf: &SyntheticLeaf, options: &Options, side: u64) -> Vec<f32> {
     let (w, h) = (leaf.width, leaf.height);
     let exact = options.noise == 0.0;
-    let kernel = Kernel::gaussian(if exact { 0.0 } else { FILTER_MM / leaf.texel_mm });
+    let kernel = SmoothingKernel::gaussian(if exact { 0.0 } else { FILTER_MM / leaf.texel_mm });
     let weight: Vec<f64> = mask.iter().map(|m| f64::from(u8::from(*m))).collect();
     let mut surface = smooth(height, &weight, w, &kernel);
     if !exact {
         let mut white = Vec::with_capacity(w * h + 1);
         for j in 0..h {
-            let mut stream = Stream::new(options.seed, &[21, side, j as u64]);
+            let mut stream = RandomStream::new(options.seed, &[21, side, j as u64]);
             let mut row: Vec<f64> = (0..w.div_ceil(2)).flat_map(|_| stream.normal_pair()).collect();
             row.truncate(w);
             white.append(&mut row);
@@ -252,7 +252,7 @@ fn scanned(height: &[f64], mask: &[bool], leaf: &Leaf, options: &Options, side: 
         let scale = options.height_noise_mm / kernel.noise();
         surface.iter_mut().zip(pass(&white, w, &kernel)).for_each(|(z, n)| *z += scale * n);
     }
-    let mut stream = Stream::new(options.seed, &[22, side]);
+    let mut stream = RandomStream::new(options.seed, &[22, side]);
     let (tilt, zero) = ([TILT * stream.signed(), TILT * stream.signed()], OFFSET_MM * stream.signed());
     (0..w * h)
         .map(|k| {
@@ -262,17 +262,17 @@ fn scanned(height: &[f64], mask: &[bool], leaf: &Leaf, options: &Options, side: 
         .collect()
 }
 
-fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
+fn manifest_of(spec: &LeafSpec, blade: &DomeLeaf, options: &Options) -> DomeManifest {
     let leaf = &blade.leaf;
     let exact = options.noise == 0.0;
     let weight: Vec<f64> = leaf.mask.iter().map(|m| f64::from(u8::from(*m))).collect();
     let thickness: Vec<f64> = leaf.front.thickness.iter().map(|d| f64::from(*d)).collect();
-    let met = smooth(&thickness, &weight, leaf.width, &Kernel::gaussian(0.25 * CONTACT_MM / leaf.texel_mm));
+    let met = smooth(&thickness, &weight, leaf.width, &SmoothingKernel::gaussian(0.25 * CONTACT_MM / leaf.texel_mm));
     let thickest = met.iter().zip(&leaf.mask).filter(|(_, m)| **m).fold(0.0, |a: f64, (d, _)| a.max(*d));
-    let slip = if exact { 0.0 } else { CALIPER_MM * Stream::new(options.seed, &[23]).normal_pair()[0] };
-    Manifest {
+    let slip = if exact { 0.0 } else { CALIPER_MM * RandomStream::new(options.seed, &[23]).normal_pair()[0] };
+    DomeManifest {
         schema: 1,
-        kind: Kind::Dome.field().unwrap_or_default().into(),
+        kind: CaptureKind::Dome.field().unwrap_or_default().into(),
         name: spec.name.clone(),
         width: leaf.width,
         height: leaf.height,
@@ -293,7 +293,7 @@ fn manifest_of(spec: &Spec, blade: &Blade, options: &Options) -> Manifest {
 }
 
 /// The refractive index of a smooth surface that mirrors as much along its normal as each side does, to two digits.
-pub fn index_of(spec: &Spec) -> [f64; 2] {
+pub fn index_of(spec: &LeafSpec) -> [f64; 2] {
     let fresnel = spec.lobe.index().map_or(1.0, |index| ((index - 1.0) / (index + 1.0)).powi(2));
     [&spec.front, &spec.back].map(|s| {
         let r = (s.rho_s * fresnel).min(0.15).sqrt();

@@ -3,13 +3,13 @@
 //! column i of the back is column W−1−i of the front (W columns in all), and x and z change sign. Lengths in mm,
 //! coefficients in 1/mm, albedos in [0, 1].
 
-use super::interior::{Interior, Tissue};
-use super::outline::Blade;
-use super::spec::{Model, Spec, Surface};
-use super::veins::Network;
+use super::interior::{InteriorMaps, InteriorTissue};
+use super::outline::BladeContour;
+use super::spec::{InteriorModel, LeafSpec, SurfaceSpec};
+use super::veins::VeinNetwork;
 use mesophyll_base::random::{mesh, noise};
 use mesophyll_capture::manifest::texel_position;
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::{Side, mirror};
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 /// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade. Maps that the
 /// leaf's model does not have are empty.
 #[derive(Debug, Clone, Default)]
-pub struct GrownSide {
+pub struct SyntheticSide {
     /// Diffuse reflectance, a channel each.
     pub rho_d: Vec<[f32; 3]>,
     /// Transmittance, a channel each.
@@ -49,7 +49,7 @@ pub struct GrownSide {
 
 /// A grown leaf: its outline, its relief and both sides' maps.
 #[derive(Debug, Clone)]
-pub struct Leaf {
+pub struct SyntheticLeaf {
     /// Columns of every map.
     pub width: usize,
     /// Rows of every map.
@@ -63,14 +63,14 @@ pub struct Leaf {
     /// Height of the front over the plane z = 0 (mm), in the front's columns; set on the blade and one texel around it.
     pub relief: Vec<f64>,
     /// The front's maps.
-    pub front: GrownSide,
+    pub front: SyntheticSide,
     /// The back's maps, in its own camera's columns.
-    pub back: GrownSide,
+    pub back: SyntheticSide,
 }
 
 /// Which part of the field is evaluated.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Window {
+pub struct FieldWindow {
     /// Centre of the part, from the centre of the field (mm), x right and y up.
     pub centre_mm: [f64; 2],
     /// Size of a texel (mm).
@@ -97,28 +97,33 @@ pub(super) struct Place {
 }
 
 /// Size of a texel so that the specified field fits into the image (mm).
-pub(crate) fn texel_size(spec: &Spec, width: usize, height: usize) -> f64 {
+pub(crate) fn texel_size(spec: &LeafSpec, width: usize, height: usize) -> f64 {
     (spec.field_mm[0] / width as f64).max(spec.field_mm[1] / height as f64)
 }
 
-impl Leaf {
+impl SyntheticLeaf {
     /// Grows the leaf and evaluates its maps at one resolution; `None` when not one texel lies on the blade, or the
     /// specification does not state what the model asks for ([`Spec::truth`]).
-    pub fn grow(spec: &Spec, model: Model, width: usize, height: usize) -> Option<Leaf> {
-        Leaf::grow_in(
+    pub fn grow(spec: &LeafSpec, model: InteriorModel, width: usize, height: usize) -> Option<SyntheticLeaf> {
+        SyntheticLeaf::grow_in(
             spec,
             model,
             (width, height),
-            Window { centre_mm: [0.0; 2], texel_mm: texel_size(spec, width, height) },
+            FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, width, height) },
         )
     }
 
     /// The same for a part of the field. The leaf is the same whichever part is seen, except that the means of
     /// thickness and γ are those of the part.
-    pub(crate) fn grow_in(spec: &Spec, model: Model, (width, height): (usize, usize), window: Window) -> Option<Leaf> {
-        let Window { centre_mm, texel_mm } = window;
-        let blade = Blade::new(&spec.outline, &spec.margin, spec.seed);
-        let network = Network::grow(&blade, &spec.veins, spec.seed);
+    pub(crate) fn grow_in(
+        spec: &LeafSpec,
+        model: InteriorModel,
+        (width, height): (usize, usize),
+        window: FieldWindow,
+    ) -> Option<SyntheticLeaf> {
+        let FieldWindow { centre_mm, texel_mm } = window;
+        let blade = BladeContour::new(&spec.outline, &spec.margin, spec.seed);
+        let network = VeinNetwork::grow(&blade, &spec.veins, spec.seed);
         let x: Vec<f64> = (0..width).map(|i| centre_mm[0] + texel_position(width, height, texel_mm, i, 0)[0]).collect();
         let y = |j: usize| centre_mm[1] + texel_position(width, height, texel_mm, 0, j)[1];
         let rows: Vec<Vec<bool>> = (0..height).into_par_iter().map(|j| blade.row(y(j), &x)).collect();
@@ -146,16 +151,16 @@ impl Leaf {
             return None;
         }
         let shape = (width, height, texel_mm);
-        let interior = Interior::of(spec, model, &places)?;
+        let interior = InteriorMaps::of(spec, model, &places)?;
         let front = side(spec, model, &places, &interior, shape, false);
         let back = side(spec, model, &places, &interior, shape, true);
         let (mask, relief) = places.iter().map(|p| (p.inside, p.front_mm)).unzip();
-        Some(Leaf { width, height, texel_mm, lobe: spec.lobe, mask, relief, front, back })
+        Some(SyntheticLeaf { width, height, texel_mm, lobe: spec.lobe, mask, relief, front, back })
     }
 
     /// The leaf without `margin` texels along each edge of its maps; `margin` is less than half of width and height.
-    pub fn cropped(&self, margin: usize) -> Leaf {
-        let side = |s: &GrownSide| GrownSide {
+    pub fn cropped(&self, margin: usize) -> SyntheticLeaf {
+        let side = |s: &SyntheticSide| SyntheticSide {
             rho_d: crop(&s.rho_d, self.width, margin),
             rho_t: crop(&s.rho_t, self.width, margin),
             through: crop(&s.through, self.width, margin),
@@ -170,7 +175,7 @@ impl Leaf {
             carotenoid: crop(&s.carotenoid, self.width, margin),
             absorption: crop(&s.absorption, self.width, margin),
         };
-        Leaf {
+        SyntheticLeaf {
             width: self.width - 2 * margin,
             height: self.height - 2 * margin,
             texel_mm: self.texel_mm,
@@ -183,7 +188,7 @@ impl Leaf {
     }
 
     /// One side's maps.
-    pub fn side(&self, side: Side) -> &GrownSide {
+    pub fn side(&self, side: Side) -> &SyntheticSide {
         match side {
             Side::Front => &self.front,
             Side::Back => &self.back,
@@ -199,9 +204,9 @@ impl Leaf {
     }
 
     /// The truth in the channels of `data/README.md`: those that the leaf's model has.
-    pub fn truth(&self, side: Side) -> Maps {
+    pub fn truth(&self, side: Side) -> ChannelMaps {
         let grown = self.side(side);
-        let mut maps = Maps::new(self.width, self.height);
+        let mut maps = ChannelMaps::new(self.width, self.height);
         let mut three = |quantity, map: &[[f32; 3]]| {
             for c in (0..3).filter(|_| !map.is_empty()) {
                 maps.add(quantity, c, map.iter().map(|v| v[c]).collect());
@@ -245,7 +250,7 @@ fn bell(found: Option<(f64, f64)>, texel: f64) -> f64 {
     r / wide * (-(d / wide) * (d / wide)).exp()
 }
 
-fn place(spec: &Spec, network: &Network, p: [f64; 2], texel: f64, inside: bool) -> Place {
+fn place(spec: &LeafSpec, network: &VeinNetwork, p: [f64; 2], texel: f64, inside: bool) -> Place {
     let (v, relief) = (&spec.veins, &spec.relief);
     let reach = [0, 1, 2].map(|k| 2.5 * v.width_mm[k].hypot(2.0 * texel));
     let near =
@@ -300,14 +305,14 @@ fn damped(length: f64, texel: f64) -> f64 {
 }
 
 fn side(
-    spec: &Spec,
-    model: Model,
+    spec: &LeafSpec,
+    model: InteriorModel,
     places: &[Place],
-    interior: &Interior,
+    interior: &InteriorMaps,
     (width, height, texel): (usize, usize, f64),
     back: bool,
-) -> GrownSide {
-    let surface: &Surface = if back { &spec.back } else { &spec.front };
+) -> SyntheticSide {
+    let surface: &SurfaceSpec = if back { &spec.back } else { &spec.front };
     // Index into the front's maps of what this side's camera sees at (i, j).
     let place_of = |i: usize, j: usize| j * width + if back { width - 1 - i } else { i };
     let seen: Vec<usize> = (0..width * height).map(|k| place_of(k % width, k / width)).collect();
@@ -321,7 +326,7 @@ fn side(
 
     let gamma_raw = |p: &Place| {
         // In pigment leaves the veins are pale because they lack chlorophyll, not through γ.
-        let veins = if model == Model::Exact { vein(p) } else { 0.0 };
+        let veins = if model == InteriorModel::Exact { vein(p) } else { 0.0 };
         let mottle = if back { 0.6 * p.mottle[1] - 0.8 * p.mottle[0] } else { 0.8 * p.mottle[0] + 0.6 * p.mottle[1] };
         surface.gamma_veins.map(|g| ((1.0 + g * veins) * (1.0 + surface.gamma_lamina * mottle)).max(0.2))
     };
@@ -333,11 +338,11 @@ fn side(
     }
     // γ is the slab's; a leaf of layers has none.
     let gamma = match interior.tissue {
-        Tissue::Slab { .. } => on_blade(&|k| {
+        InteriorTissue::Slab { .. } => on_blade(&|k| {
             let g = gamma_raw(&places[seen[k]]);
             [0, 1, 2].map(|c| g[c] * count / sum[c])
         }),
-        Tissue::Layers { .. } => Vec::new(),
+        InteriorTissue::Layers { .. } => Vec::new(),
     };
 
     let gloss = |k: usize| {
@@ -362,7 +367,7 @@ fn side(
         [-dx / s, -dy / s, 1.0 / s]
     };
     let lit = interior.lit(back);
-    let mut grown = GrownSide {
+    let mut grown = SyntheticSide {
         rho_d: on_blade(&|k| {
             let own = gamma.get(k).map_or([1.0; 3], |g| g.map(f64::from));
             [0, 1, 2].map(|c| own[c] * lit.reflected[seen[k]][c])
@@ -374,13 +379,13 @@ fn side(
         normal: on_blade(&normal),
         thickness: picked(&interior.thickness, &seen),
         gamma,
-        ..GrownSide::default()
+        ..SyntheticSide::default()
     };
     match &interior.tissue {
-        Tissue::Slab { sigma_a, sigma_s } => {
+        InteriorTissue::Slab { sigma_a, sigma_s } => {
             (grown.sigma_a, grown.sigma_s) = (picked(sigma_a, &seen), picked(sigma_s, &seen));
         }
-        Tissue::Layers { chlorophyll, carotenoid, absorption } => {
+        InteriorTissue::Layers { chlorophyll, carotenoid, absorption } => {
             (grown.chlorophyll, grown.carotenoid) = (picked(chlorophyll, &seen), picked(carotenoid, &seen));
             grown.absorption = picked(absorption, &seen);
         }

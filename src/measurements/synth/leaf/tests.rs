@@ -1,16 +1,16 @@
 use super::*;
 use crate::slab_truth;
 
-fn elm(model: Model) -> (Spec, Leaf) {
+fn elm(model: InteriorModel) -> (LeafSpec, SyntheticLeaf) {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../data/leaves/elm.toml");
-    let spec = Spec::read(&path).unwrap();
-    let leaf = Leaf::grow(&spec, model, 60, 45).unwrap();
+    let spec = LeafSpec::read(&path).unwrap();
+    let leaf = SyntheticLeaf::grow(&spec, model, 60, 45).unwrap();
     (spec, leaf)
 }
 
 #[test]
 fn gauges_energy_and_the_slab_hold() {
-    for model in [Model::Exact, Model::Pigment] {
+    for model in [InteriorModel::Exact, InteriorModel::Pigment] {
         let (spec, leaf) = elm(model);
         for side in Side::ALL {
             let (side, mask) = (leaf.side(side), leaf.mask_of(side));
@@ -29,7 +29,7 @@ fn gauges_energy_and_the_slab_hold() {
             assert!(good.iter().all(|&k| (0..3).all(|c| side.rho_d[k][c] + side.rho_t[k][c] <= 1.0)));
             assert!(good.iter().all(|&k| (side.normal[k].iter().map(|v| v * v).sum::<f32>() - 1.0).abs() < 1e-6));
         }
-        if model == Model::Exact {
+        if model == InteriorModel::Exact {
             assert!(
                 leaf.front
                     .sigma_a
@@ -43,7 +43,7 @@ fn gauges_energy_and_the_slab_hold() {
 
 #[test]
 fn the_back_is_the_front_mirrored() {
-    let (_, leaf) = elm(Model::Pigment);
+    let (_, leaf) = elm(InteriorModel::Pigment);
     let w = leaf.width;
     for j in 0..leaf.height {
         for i in 0..w {
@@ -60,10 +60,10 @@ fn the_back_is_the_front_mirrored() {
 /// from below).
 #[test]
 fn normals_turn_with_the_leaf() {
-    let (mut spec, _) = elm(Model::Exact);
+    let (mut spec, _) = elm(InteriorModel::Exact);
     spec.relief.sunk_mm = [0.0; 3];
     spec.relief.raised_mm = [0.0; 3];
-    let leaf = Leaf::grow(&spec, Model::Exact, 60, 45).unwrap();
+    let leaf = SyntheticLeaf::grow(&spec, InteriorModel::Exact, 60, 45).unwrap();
     for j in 2..43 {
         for i in 2..58 {
             let (f, b) = (leaf.front.normal[j * 60 + i], leaf.back.normal[j * 60 + 59 - i]);

@@ -2,10 +2,10 @@
 //! what lies behind it. Nothing here is shared with the reduction. Every texel has the slab of the specification at its
 //! own thickness, solved by doubling at Gauss's cosines, and a rough dielectric surface.
 
-use crate::dome::Blade;
-use crate::leaf::{GrownSide, Leaf};
-use crate::slab_truth::{Table, gauss_legendre};
-use mesophyll_capture::dome::smooth::{Kernel, smooth};
+use crate::dome::DomeLeaf;
+use crate::leaf::{SyntheticLeaf, SyntheticSide};
+use crate::slab_truth::{SlabTruthTable, gauss_legendre};
+use mesophyll_capture::dome::smoothing::{SmoothingKernel, smooth};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::mirror;
 
@@ -28,7 +28,7 @@ fn cosines() -> impl Iterator<Item = (f64, f64)> {
     gauss_legendre(COSINES).into_iter().map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w)).map(|(mu, w)| (mu, 2.0 * mu * w))
 }
 
-fn all_round(side: &GrownSide, lobe: Lobe) -> AllRound {
+fn all_round(side: &SyntheticSide, lobe: Lobe) -> AllRound {
     let on: Vec<usize> = (0..side.thickness.len()).filter(|&k| side.thickness[k] > 0.0).collect();
     let mut found =
         AllRound { reflect: vec![[0.0; 3]; side.thickness.len()], transmit: vec![[0.0; 3]; side.thickness.len()] };
@@ -39,8 +39,8 @@ fn all_round(side: &GrownSide, lobe: Lobe) -> AllRound {
         .fold([f64::MAX, 0.0], |[a, b]: [f64; 2], d| [a.min(d), b.max(d)]);
     for c in 0..3 {
         let (sigma_a, sigma_s) = (mean(&|k| f64::from(side.sigma_a[k][c])), mean(&|k| f64::from(side.sigma_s[k][c])));
-        let table = |mu: f64| Table::new(mu, [sigma_a; 2], sigma_s, range);
-        let (normal, from): (Table, Vec<(Table, f64)>) =
+        let table = |mu: f64| SlabTruthTable::new(mu, [sigma_a; 2], sigma_s, range);
+        let (normal, from): (SlabTruthTable, Vec<(SlabTruthTable, f64)>) =
             (table(1.0), cosines().map(|(mu, w)| (table(mu), w)).collect());
         for &k in &on {
             let h = f64::from(side.thickness[k]);
@@ -76,13 +76,13 @@ fn mirrored(normal: f64, m: f64) -> f64 {
 }
 
 /// Both sides of a leaf under light from all sides.
-pub(super) fn both_round(leaf: &Leaf) -> [AllRound; 2] {
+pub(super) fn both_round(leaf: &SyntheticLeaf) -> [AllRound; 2] {
     [&leaf.front, &leaf.back].map(|side| all_round(side, leaf.lobe))
 }
 
 /// Light that the camera sees of both sides on a sheet of reflectance `sheet` in open shade, over the sky's; each side
 /// in its own columns.
-pub(super) fn shaded(blade: &Blade, round: &[AllRound; 2], sheet: f64) -> [Vec<[f64; 3]>; 2] {
+pub(super) fn shaded(blade: &DomeLeaf, round: &[AllRound; 2], sheet: f64) -> [Vec<[f64; 3]>; 2] {
     let w = blade.leaf.width;
     [0, 1].map(|s: usize| {
         let (shown, under) = (&blade.shown[s], mirror(&round[1 - s].reflect, w));
@@ -101,9 +101,9 @@ pub(super) fn shaded(blade: &Blade, round: &[AllRound; 2], sheet: f64) -> [Vec<[
 
 /// Light that the camera sees of both sides on a light table of reflectance `table`, over the bare table's; each side
 /// in its own columns. What the underside throws back spreads over `spread_mm` in the table before it returns.
-pub(super) fn on_table(blade: &Blade, round: &[AllRound; 2], table: f64, spread_mm: f64) -> [Vec<[f64; 3]>; 2] {
+pub(super) fn on_table(blade: &DomeLeaf, round: &[AllRound; 2], table: f64, spread_mm: f64) -> [Vec<[f64; 3]>; 2] {
     let (leaf, w) = (&blade.leaf, blade.leaf.width);
-    let kernel = Kernel::gaussian(spread_mm / leaf.texel_mm);
+    let kernel = SmoothingKernel::gaussian(spread_mm / leaf.texel_mm);
     let everywhere = vec![1.0; leaf.mask.len()];
     let below = [&round[0], &round[1]].map(|side| {
         [0, 1, 2].map(|c: usize| {
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
     use mesophyll_capture::photo::diffuse::over_normal;
     use mesophyll_optics::gloss::fresnel;
-    use mesophyll_optics::slab::exact::response;
+    use mesophyll_optics::slab::medium::response;
 
     /// What the synthesis solves by doubling is what the reduction finds from ρd and ρt alone, and a rough surface
     /// mirrors less of light from all sides than a smooth one, which follows Fresnel's law.
@@ -131,7 +131,7 @@ mod tests {
         let (sigma_a, sigma_s, thickness) = ([20.0f32, 3.0, 12.0], [4.0f32, 14.0, 9.0], [0.1f32, 0.15, 0.3]);
         let gamma = 1.2;
         let slab = |k: usize, c: usize| response(sigma_a[c].into(), sigma_s[c].into(), thickness[k].into());
-        let side = GrownSide {
+        let side = SyntheticSide {
             rho_d: (0..3).map(|k| [0, 1, 2].map(|c| (gamma * slab(k, c).rho_d) as f32)).collect(),
             rho_t: (0..3).map(|k| [0, 1, 2].map(|c| slab(k, c).rho_t as f32)).collect(),
             rho_s: vec![[0.0278; 3]; 3],
@@ -139,7 +139,7 @@ mod tests {
             sigma_a: vec![sigma_a; 3],
             sigma_s: vec![sigma_s; 3],
             thickness: thickness.to_vec(),
-            ..GrownSide::default()
+            ..SyntheticSide::default()
         };
         let found = all_round(&side, Lobe::Beckmann);
         // The index 1.4 has .0278 along the normal.

@@ -9,17 +9,19 @@
 
 mod leaf_light;
 
-use crate::dome::{Blade, index_of, truth};
+use crate::dome::{DomeLeaf, index_of, truth};
 use crate::preview;
 use crate::scan::stop_if_asked;
-use crate::spec::{Model, Spec};
+use crate::spec::{InteriorModel, LeafSpec};
 use crate::{Error, Result};
 use leaf_light::{both_round, on_table, shaded};
-use mesophyll_base::random::Stream;
-use mesophyll_capture::kind::Kind;
-use mesophyll_capture::photo::manifest::{Gloss, Manifest, Ruler, Shade, Stated, Table, Transfer};
+use mesophyll_base::random::RandomStream;
+use mesophyll_capture::kind::CaptureKind;
+use mesophyll_capture::photo::manifest::{
+    GlossStatement, LightTable, PhotoManifest, ReflectanceStatement, Ruler, ShadePhotograph, TransferCurve,
+};
 use mesophyll_files::atomic;
-use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 use std::path::Path;
@@ -36,7 +38,7 @@ pub struct Options {
     /// Seed of noise and of errors.
     pub seed: u64,
     /// Whether σa varies over the leaf.
-    pub model: Model,
+    pub model: InteriorModel,
 }
 
 /// Share of the picture's height that is the leaf's.
@@ -66,7 +68,7 @@ const LEVELS: f64 = 16_383.0;
 ///
 /// # Errors
 /// Those of the spreading of light in the leaf.
-pub fn grow(spec: &Spec, options: &Options) -> Result<Option<Blade>> {
+pub fn grow(spec: &LeafSpec, options: &Options) -> Result<Option<DomeLeaf>> {
     let (w, h) = (options.width as f64, options.height as f64);
     let pixel_mm = (spec.field_mm[0] / w).max(spec.field_mm[1] / (FIELD * h));
     let down = 0.5 * (1.0 - FIELD) * h * pixel_mm;
@@ -79,7 +81,7 @@ pub fn grow(spec: &Spec, options: &Options) -> Result<Option<Blade>> {
         seed: options.seed,
         model: options.model,
     };
-    Blade::grow(spec, &options)
+    DomeLeaf::grow(spec, &options)
 }
 
 /// Where the camera of a picture sees a place of the sheet: turned and scaled about the middle, then shifted (pixels).
@@ -96,7 +98,7 @@ impl Pose {
         if place == 0 {
             return Pose { middle, turn: [1.0, 0.0], shift: [0.0; 2] };
         }
-        let mut stream = Stream::new(options.seed, &[31, place]);
+        let mut stream = RandomStream::new(options.seed, &[31, place]);
         let (sin, cos) = (4.0 * stream.signed()).to_radians().sin_cos();
         let size = 0.955 + 0.025 * stream.signed();
         let shift = [0.012 * middle[0] * stream.signed(), 0.012 * middle[1] * stream.signed()];
@@ -150,10 +152,10 @@ impl Plate {
 ///
 /// # Errors
 /// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
-pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> Result<Manifest> {
+pub fn capture(spec: &LeafSpec, blade: &DomeLeaf, options: &Options, folder: &Path) -> Result<PhotoManifest> {
     let leaf = &blade.leaf;
     let (w, h) = (leaf.width, leaf.height);
-    let mut stream = Stream::new(options.seed, &[30]);
+    let mut stream = RandomStream::new(options.seed, &[30]);
     // A true value that differs from the stated one by its standard error times a normal deviate.
     let mut true_value = |[stated, err]: [f64; 2]| {
         let deviate = stream.normal_pair()[0];
@@ -212,20 +214,20 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
     let marks = [0.0, length_mm].map(|mm| [ZERO * w as f64 + mm / pixel_mm, row]);
     let exact = options.noise == 0.0;
     let err = |err: f64| if exact { 0.0 } else { err };
-    let manifest = Manifest {
+    let manifest = PhotoManifest {
         schema: 1,
-        kind: Kind::Photo.field().unwrap_or_default().into(),
+        kind: CaptureKind::Photo.field().unwrap_or_default().into(),
         name: spec.name.clone(),
         thickness_mm: Some((1e6 * caliper).round() / 1e6),
         thickness_err_mm: Some(err(CALIPER_MM)),
         thickness_range_mm: None,
-        transfer: Transfer::Linear,
+        transfer: TransferCurve::Linear,
         full_scale: Some(1.0),
         noise_photon: Some(options.noise * options.noise),
         noise_read: Some(err(spec.device.noise_floor)),
         texel_mm: None,
-        card: Stated { reflectance: CARD_REFLECTANCE[0], reflectance_err: err(CARD_REFLECTANCE[1]) },
-        background: Stated { reflectance: SHEET[0], reflectance_err: err(SHEET[1]) },
+        card: ReflectanceStatement { reflectance: CARD_REFLECTANCE[0], reflectance_err: err(CARD_REFLECTANCE[1]) },
+        background: ReflectanceStatement { reflectance: SHEET[0], reflectance_err: err(SHEET[1]) },
         ruler: Ruler {
             marks_px: [
                 [marks[0][0] + slips[0], marks[0][1] + slips[1]],
@@ -235,9 +237,9 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
             tick_mm: Some(TICK_MM[0]),
             err_px: 1.0,
         },
-        front: Shade { file: "front.exr".into(), card: card_of(&poses[0]) },
-        back: Shade { file: "back.exr".into(), card: card_of(&poses[1]) },
-        light_table: Table {
+        front: ShadePhotograph { file: "front.exr".into(), card: card_of(&poses[0]) },
+        back: ShadePhotograph { file: "back.exr".into(), card: card_of(&poses[1]) },
+        light_table: LightTable {
             leaf: "table_leaf.exr".into(),
             turned: Some("table_turned.exr".into()),
             bare: "table_bare.exr".into(),
@@ -245,7 +247,7 @@ pub fn capture(spec: &Spec, blade: &Blade, options: &Options, folder: &Path) -> 
             reflectance: TABLE[0],
             reflectance_err: err(TABLE[1]),
         },
-        gloss: Some(Gloss { index: index_of(spec), index_err: 0.05, slope: [spec.front.m, spec.back.m] }),
+        gloss: Some(GlossStatement { index: index_of(spec), index_err: 0.05, slope: [spec.front.m, spec.back.m] }),
     };
     let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
     atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
@@ -289,7 +291,7 @@ fn lamp([x, y]: [f64; 2], size: [usize; 2]) -> f64 {
 /// One exposure: sensitivities, vignetting, photon and read noise, clipping at 1, and the converter's levels.
 fn photograph(
     path: &Path,
-    spec: &Spec,
+    spec: &LeafSpec,
     options: &Options,
     [w, h]: [usize; 2],
     place: u64,
@@ -299,7 +301,7 @@ fn photograph(
     let rows: Vec<Vec<[f32; 3]>> = (0..h)
         .into_par_iter()
         .map(|j| {
-            let mut stream = Stream::new(options.seed, &[32, place, j as u64]);
+            let mut stream = RandomStream::new(options.seed, &[32, place, j as u64]);
             (0..w)
                 .map(|i| {
                     let p = [i as f64 + 0.5, j as f64 + 0.5];
@@ -319,7 +321,7 @@ fn photograph(
                 .collect()
         })
         .collect();
-    let mut maps = Maps::new(w, h);
+    let mut maps = ChannelMaps::new(w, h);
     for (c, name) in ["R", "G", "B"].iter().enumerate() {
         maps.push(*name, rows.iter().flatten().map(|v| v[c]).collect());
     }

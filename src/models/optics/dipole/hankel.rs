@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_PI_4, PI};
 
 /// One node of the contour: T(r) = Σ Re(for_t T̂(k)), 2π ∫_r^∞ T s ds = Σ Re(for_beyond T̂(k)).
 #[derive(Debug, Clone, Copy)]
-pub struct Node {
+pub struct HankelNode {
     /// k², the argument of the spectra.
     pub k_squared: Complex<f64>,
     pub for_t: Complex<f64>,
@@ -23,7 +23,7 @@ pub struct Node {
 
 /// Nodes for radius `r` > 0 of a layer of thickness `d` with first pole iκ₁. `first_pole` is a lower bound of κ₁ > 0.
 /// `depth` is the distance over which the spectrum itself falls like e^(−K depth); 0 if it does not.
-pub fn contour(r: f64, d: f64, first_pole: f64, depth: f64) -> Vec<Node> {
+pub fn contour(r: f64, d: f64, first_pole: f64, depth: f64) -> Vec<HankelNode> {
     let share = (r / r.hypot(d)).clamp(0.2, 0.8);
     // The step is limited by the strip of analyticity, and by the growth of a thick layer's spectrum towards the poles.
     let step = if share > 0.7 { 0.06 } else { 0.12 } / (1.0 + first_pole * d / 15.0);
@@ -42,7 +42,7 @@ pub fn contour(r: f64, d: f64, first_pole: f64, depth: f64) -> Vec<Node> {
             // H₀⁽¹⁾(kr) = (2/πi) K₀(−ikr), H₁⁽¹⁾(kr) = −(2/π) K₁(−ikr)
             let for_t = Complex::new(0.0, -1.0) * k * k0 * weight / (PI * PI);
             let for_beyond = k1 * weight * (2.0 * r / PI);
-            Node { k_squared: k * k, for_t, for_beyond }
+            HankelNode { k_squared: k * k, for_t, for_beyond }
         })
         .collect()
 }

@@ -10,8 +10,8 @@
 
 use super::Coefficients;
 use super::bessel;
-use super::scalar::{Dual, Scalar, falling, rising};
-use crate::slab::quadrature::{Node, gauss};
+use super::scalar::{Scalar, TissueDual, falling, rising};
+use crate::slab::quadrature::{QuadratureNode, gauss};
 use std::sync::OnceLock;
 
 /// T̂(k) of the infinite image sum; valid for d > l only.
@@ -70,7 +70,7 @@ pub fn thin<T: Scalar>(c: &Coefficients<T>, k_squared: T, d: T) -> T {
 
 /// ∫₀^d e^(−σz) f(z) dz for a smooth f and any σd.
 fn weighted<T: Scalar>(sigma: T, d: T, f: impl Fn(T) -> T) -> T {
-    static RULE: OnceLock<Vec<Node>> = OnceLock::new();
+    static RULE: OnceLock<Vec<QuadratureNode>> = OnceLock::new();
     let rule = RULE.get_or_init(|| gauss(32));
     let length = if (sigma * d).re() > 40.0 { T::of(40.0) / sigma } else { d };
     let sum = rule.iter().fold(T::of(0.0), |sum, q| {
@@ -82,24 +82,24 @@ fn weighted<T: Scalar>(sigma: T, d: T, f: impl Fn(T) -> T) -> T {
 
 /// Which layer a mode belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Layer {
+pub enum DipoleLayer {
     Images,
     Thin,
 }
 
 /// A number for which K₀ and K₁ can be computed.
-pub trait Modal: Scalar {
+pub trait BesselNumber: Scalar {
     /// K₀ and K₁ of a positive number.
     fn bessel(self) -> [Self; 2];
 }
 
-impl Modal for f64 {
+impl BesselNumber for f64 {
     fn bessel(self) -> [f64; 2] {
         bessel::k01_real(self)
     }
 }
 
-impl Modal for Dual<f64> {
+impl BesselNumber for TissueDual<f64> {
     fn bessel(self) -> [Self; 2] {
         let [k0, k1] = bessel::k01_real(self.value);
         [self.function(k0, -k1), self.function(k1, -k0 - k1 / self.value)]
@@ -108,7 +108,7 @@ impl Modal for Dual<f64> {
 
 /// T(r) and 2π ∫_r^∞ T s ds as sums over the modes: Σ R_m K₀(κ_m r)/(2π) and Σ R_m r K₁(κ_m r)/κ_m, with κ_m = √(σtr² +
 /// β_m²) and r > 0. The number of modes needed grows as H/r.
-pub(crate) fn modes<T: Modal>(c: &Coefficients<T>, layer: Layer, r: f64, d: T) -> [T; 2] {
+pub(crate) fn modes<T: BesselNumber>(c: &Coefficients<T>, layer: DipoleLayer, r: f64, d: T) -> [T; 2] {
     let zb = c.extrapolation;
     let height = d + zb.times(2.0);
     let mut sums = [T::of(0.0); 2];
@@ -124,10 +124,10 @@ pub(crate) fn modes<T: Modal>(c: &Coefficients<T>, layer: Layer, r: f64, d: T) -
         let sign = if m % 2 == 0 { 1.0 } else { -1.0 };
         let at = beta * zb;
         let residue = match layer {
-            Layer::Images => {
+            DipoleLayer::Images => {
                 -(c.albedo * beta * at.cos() * (beta * (c.free_path + zb)).sin()).times(2.0 * sign) / height
             }
-            Layer::Thin => {
+            DipoleLayer::Thin => {
                 let s = c.extinction;
                 let (far, near) = ((beta * at.cos() - s * at.sin()).times(sign), beta * at.cos() + s * at.sin());
                 let source = c.scattering * (near - (-(s * d)).exp() * far) / (s * s + beta * beta);

@@ -44,9 +44,9 @@ pub mod scalar;
 mod sum;
 pub mod verdict;
 
-use layer::{Layer, Modal};
+use layer::{BesselNumber, DipoleLayer};
 use mesophyll_base::fourier::Complex;
-use scalar::{Dual, Scalar};
+use scalar::{Scalar, TissueDual};
 
 /// What the inside of a leaf is made of, at one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +69,7 @@ pub struct Tissue {
     derive(strum::Display, strum::EnumString, strum::EnumIter, strum::IntoStaticStr, strum::EnumMessage),
     strum(serialize_all = "kebab-case")
 )]
-pub enum Form {
+pub enum DipoleForm {
     /// The paper's sum of 2n + 1 dipoles, j = −n … n.
     Dipoles(u32),
     /// The same sum over infinitely many dipoles.
@@ -78,13 +78,13 @@ pub enum Form {
     Thin,
 }
 
-impl Form {
+impl DipoleForm {
     /// The form of this name. `dipoles` is the n of the paper's sum; only [`Form::Dipoles`] uses it.
-    pub fn of(kind: FormKind, dipoles: u32) -> Form {
+    pub fn of(kind: FormKind, dipoles: u32) -> DipoleForm {
         match kind {
-            FormKind::Dipoles => Form::Dipoles(dipoles),
-            FormKind::Images => Form::Images,
-            FormKind::Thin => Form::Thin,
+            FormKind::Dipoles => DipoleForm::Dipoles(dipoles),
+            FormKind::Images => DipoleForm::Images,
+            FormKind::Thin => DipoleForm::Thin,
         }
     }
 }
@@ -134,7 +134,7 @@ impl<T: Scalar> Coefficients<T> {
 }
 
 /// A value that can be lifted into the complex plane, so that one inversion gives both values and derivatives.
-pub(crate) trait Lift: Modal {
+pub(crate) trait Lift: BesselNumber {
     type Lifted: Scalar;
     fn lift(self) -> Self::Lifted;
     fn square(z: Complex<f64>) -> Self::Lifted;
@@ -155,10 +155,10 @@ impl Lift for f64 {
     }
 }
 
-impl Lift for Dual<f64> {
-    type Lifted = Dual<Complex<f64>>;
+impl Lift for TissueDual<f64> {
+    type Lifted = TissueDual<Complex<f64>>;
     fn lift(self) -> Self::Lifted {
-        Dual { value: self.value.lift(), by: self.by.map(f64::lift) }
+        TissueDual { value: self.value.lift(), by: self.by.map(f64::lift) }
     }
     fn square(z: Complex<f64>) -> Self::Lifted {
         let mut dual = Self::Lifted::of(0.0);
@@ -166,37 +166,40 @@ impl Lift for Dual<f64> {
         dual
     }
     fn gather(w: Complex<f64>, t: Self::Lifted) -> Self {
-        Dual { value: f64::gather(w, t.value), by: t.by.map(|d| f64::gather(w, d)) }
+        TissueDual { value: f64::gather(w, t.value), by: t.by.map(|d| f64::gather(w, d)) }
     }
 }
 
 /// Spectrum without the unscattered light.
-pub(crate) fn scattered<T: Scalar>(c: &Coefficients<T>, k_squared: T, d: T, form: Form) -> T {
+pub(crate) fn scattered<T: Scalar>(c: &Coefficients<T>, k_squared: T, d: T, form: DipoleForm) -> T {
     match form {
-        Form::Dipoles(n) => sum::spectrum(c, k_squared, d, n),
-        Form::Images => layer::images(c, k_squared, d),
-        Form::Thin => layer::thin(c, k_squared, d),
+        DipoleForm::Dipoles(n) => sum::spectrum(c, k_squared, d, n),
+        DipoleForm::Images => layer::images(c, k_squared, d),
+        DipoleForm::Thin => layer::thin(c, k_squared, d),
     }
 }
 
 /// T(r) and 2π ∫_r^∞ T s ds of the scattered light, r > 0.
-pub(crate) fn in_space<T: Lift>(c: &Coefficients<T>, r: f64, d: T, form: Form) -> [T; 2] {
+pub(crate) fn in_space<T: Lift>(c: &Coefficients<T>, r: f64, d: T, form: DipoleForm) -> [T; 2] {
     let layer = match form {
-        Form::Dipoles(n) => return [sum::transmittance(c, r, d, n), sum::beyond(c, r, d, n)],
-        Form::Images => Layer::Images,
-        Form::Thin => Layer::Thin,
+        DipoleForm::Dipoles(n) => return [sum::transmittance(c, r, d, n), sum::beyond(c, r, d, n)],
+        DipoleForm::Images => DipoleLayer::Images,
+        DipoleForm::Thin => DipoleLayer::Thin,
     };
     let height = d.re() + 2.0 * c.extrapolation.re();
     // Far out, few modes are needed and none cancels. Nearer to the source the contour loses no digits.
     if r > 3.0 * height {
         return layer::modes(c, layer, r, d);
     }
-    let falls =
-        if form == Form::Thin { c.transport2.re().sqrt().min(c.extinction.re()) } else { c.transport2.re().sqrt() };
+    let falls = if form == DipoleForm::Thin {
+        c.transport2.re().sqrt().min(c.extinction.re())
+    } else {
+        c.transport2.re().sqrt()
+    };
     if falls * (d.re() - c.free_path.re()) > 800.0 {
         return [T::of(0.0); 2];
     }
-    let depth = if form == Form::Images { d.re() - c.free_path.re() } else { 0.0 };
+    let depth = if form == DipoleForm::Images { d.re() - c.free_path.re() } else { 0.0 };
     let first_pole = c.transport2.re().sqrt().hypot(std::f64::consts::PI / height);
     let (lifted, thickness) = (c.map(T::lift), d.lift());
     let mut sums = [T::of(0.0); 2];
@@ -262,27 +265,27 @@ impl Tissue {
     }
 
     /// The same with derivatives by σa, σs and g (the fourth is the thickness factor's).
-    fn dual_coefficients(&self) -> Coefficients<Dual<f64>> {
-        let p = Dual::parameter;
+    fn dual_coefficients(&self) -> Coefficients<TissueDual<f64>> {
+        let p = TissueDual::parameter;
         Coefficients::new(p(self.sigma_a, 0), p(self.sigma_s, 1), p(self.g, 2), self.a)
     }
 
     /// Whether the form is defined at this thickness (mm): d ≥ 0, and d > l for [`Form::Images`].
-    fn defined(&self, d_mm: f64, form: Form) -> bool {
-        d_mm >= 0.0 && (form != Form::Images || d_mm > self.mean_free_path())
+    fn defined(&self, d_mm: f64, form: DipoleForm) -> bool {
+        d_mm >= 0.0 && (form != DipoleForm::Images || d_mm > self.mean_free_path())
     }
 
     /// T(r, d) in 1/mm²: exitance at distance `r_mm` ≥ 0 per entering flux, of scattered light only. The relative error
     /// is about 1e-12 for the two exact forms while σtr d < 50. The value is infinite at r = 0 for [`Form::Thin`], NaN
     /// where the form is not defined, and 0 where it underflows.
-    pub fn transmittance(&self, r_mm: f64, d_mm: f64, form: Form) -> f64 {
+    pub fn transmittance(&self, r_mm: f64, d_mm: f64, form: DipoleForm) -> f64 {
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
             return f64::NAN;
         }
-        if form == Form::Thin && (self.reduced_scattering() == 0.0 || d_mm == 0.0) {
+        if form == DipoleForm::Thin && (self.reduced_scattering() == 0.0 || d_mm == 0.0) {
             return 0.0;
         }
-        if form == Form::Thin && r_mm == 0.0 {
+        if form == DipoleForm::Thin && r_mm == 0.0 {
             return f64::INFINITY;
         }
         in_space(&self.coefficients(), r_mm, d_mm, form)[0]
@@ -290,11 +293,11 @@ impl Tissue {
 
     /// 2π ∫_r^∞ T(s, d) s ds: share of the entering flux that leaves farther than `r_mm` ≥ 0 away. Errors as
     /// [`Tissue::transmittance`].
-    pub fn beyond(&self, r_mm: f64, d_mm: f64, form: Form) -> f64 {
+    pub fn beyond(&self, r_mm: f64, d_mm: f64, form: DipoleForm) -> f64 {
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
             return f64::NAN;
         }
-        if form == Form::Thin && (self.reduced_scattering() == 0.0 || d_mm == 0.0) {
+        if form == DipoleForm::Thin && (self.reduced_scattering() == 0.0 || d_mm == 0.0) {
             return 0.0;
         }
         if r_mm == 0.0 {
@@ -306,39 +309,39 @@ impl Tissue {
     /// [`Tissue::beyond`] and its derivatives by σa, σs, g and a factor on the thickness (∂/∂ ln d). The derivatives of
     /// [`Form::Dipoles`] by σa are infinite at σa = 0, where a truncated sum has a root; those of the other forms are
     /// ordinary there.
-    pub fn beyond_with_partials(&self, r_mm: f64, d_mm: f64, form: Form) -> Dual<f64> {
-        let d = Dual { value: d_mm, by: [0.0, 0.0, 0.0, d_mm] };
+    pub fn beyond_with_partials(&self, r_mm: f64, d_mm: f64, form: DipoleForm) -> TissueDual<f64> {
+        let d = TissueDual { value: d_mm, by: [0.0, 0.0, 0.0, d_mm] };
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
-            return Dual { value: f64::NAN, by: [f64::NAN; scalar::PARTIALS] };
+            return TissueDual { value: f64::NAN, by: [f64::NAN; scalar::PARTIALS] };
         }
         let c = self.dual_coefficients();
-        if form == Form::Thin && (self.reduced_extinction() == 0.0 || d_mm == 0.0) {
-            return Dual::of(0.0);
+        if form == DipoleForm::Thin && (self.reduced_extinction() == 0.0 || d_mm == 0.0) {
+            return TissueDual::of(0.0);
         }
-        if r_mm == 0.0 { scattered(&c, Dual::of(0.0), d, form) } else { in_space(&c, r_mm, d, form)[1] }
+        if r_mm == 0.0 { scattered(&c, TissueDual::of(0.0), d, form) } else { in_space(&c, r_mm, d, form)[1] }
     }
 
     /// Share of the flux that passes unscattered and leaves at r = 0: e^(−σt′ d) for [`Form::Thin`]; 0 for the other
     /// forms, which have no such part.
-    pub fn ballistic(&self, d_mm: f64, form: Form) -> f64 {
-        if form == Form::Thin { (-self.reduced_extinction() * d_mm).exp() } else { 0.0 }
+    pub fn ballistic(&self, d_mm: f64, form: DipoleForm) -> f64 {
+        if form == DipoleForm::Thin { (-self.reduced_extinction() * d_mm).exp() } else { 0.0 }
     }
 
     /// Hankel transform ∫ T e^(−ik·x) d²x at wave number `k_per_mm` ≥ 0, the unscattered light included. NaN where the
     /// form is not defined.
-    pub fn spectrum(&self, k_per_mm: f64, d_mm: f64, form: Form) -> f64 {
+    pub fn spectrum(&self, k_per_mm: f64, d_mm: f64, form: DipoleForm) -> f64 {
         if !self.defined(d_mm, form) {
             return f64::NAN;
         }
         let ballistic = self.ballistic(d_mm, form);
-        if form == Form::Thin && (self.reduced_scattering() == 0.0 || d_mm == 0.0) {
+        if form == DipoleForm::Thin && (self.reduced_scattering() == 0.0 || d_mm == 0.0) {
             return ballistic;
         }
         scattered(&self.coefficients(), k_per_mm * k_per_mm, d_mm, form) + ballistic
     }
 
     /// Transmitted share of the entering flux: the spectrum at k = 0.
-    pub fn total(&self, d_mm: f64, form: Form) -> f64 {
+    pub fn total(&self, d_mm: f64, form: DipoleForm) -> f64 {
         self.spectrum(0.0, d_mm, form)
     }
 }

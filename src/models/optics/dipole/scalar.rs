@@ -7,7 +7,7 @@ pub use crate::number::Scalar;
 pub const PARTIALS: usize = 4;
 
 /// A number and its derivatives by σa, σs, g and the thickness factor.
-pub type Dual<T> = crate::number::Dual<T, PARTIALS>;
+pub type TissueDual<T> = crate::number::Dual<T, PARTIALS>;
 
 /// (1 − e^(−x))/x, an entire function: no digits are lost at x = 0.
 pub fn falling<T: Scalar>(x: T) -> T {

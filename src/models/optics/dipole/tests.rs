@@ -1,10 +1,10 @@
 //! The three forms are compared with independent derivations, the transport equation, and brute-force integration.
 
 use super::*;
-use crate::slab::{exact, quadrature::gauss};
+use crate::slab::{medium, quadrature::gauss};
 use std::f64::consts::PI;
 
-const FORMS: [Form; 3] = [Form::Dipoles(3), Form::Images, Form::Thin];
+const FORMS: [DipoleForm; 3] = [DipoleForm::Dipoles(3), DipoleForm::Images, DipoleForm::Thin];
 
 /// σa of the paper's tissue, and values from nearly none to far above σs.
 const ABSORPTIONS: [f64; 6] = [0.4, 0.01, 1e-6, 0.0, 3.0, 40.0];
@@ -38,7 +38,7 @@ fn images_in_space_are_the_sum_run_to_convergence() {
         for d in [0.12, 0.2, 0.5, 2.0, 5.0] {
             for r in [1e-5, 0.003, 0.05, 0.2, 0.6, 1.2] {
                 let want = image_sum(&t, r, d);
-                let got = [t.transmittance(r, d, Form::Images), t.beyond(r, d, Form::Images)];
+                let got = [t.transmittance(r, d, DipoleForm::Images), t.beyond(r, d, DipoleForm::Images)];
                 for k in 0..2 {
                     // Far out the sum itself cancels, because the layer's light decays faster than the terms of the
                     // sum.
@@ -77,7 +77,7 @@ fn thin_in_space_is_the_image_sum_of_every_depth() {
                     q.w * d * s * (-sigma * z).exp() * green * 3.0 * sigma / (4.0 * PI) / (2.0 * t.a)
                 })
                 .sum();
-            let got = t.transmittance(r, d, Form::Thin);
+            let got = t.transmittance(r, d, DipoleForm::Thin);
             assert!(
                 (got / want - 1.0).abs() < 1e-9 + 1e-7 * (r / d).min(1.0) * f64::from(r > 5.0 * d),
                 "d {d} r {r}: {got} {want}"
@@ -93,7 +93,9 @@ fn contour_and_modes_agree_where_they_meet() {
         let c = t.coefficients();
         for d in [0.02, 0.15, 0.5] {
             let height = d + 2.0 * c.extrapolation;
-            for (form, layer) in [(Form::Thin, layer::Layer::Thin), (Form::Images, layer::Layer::Images)] {
+            for (form, layer) in
+                [(DipoleForm::Thin, layer::DipoleLayer::Thin), (DipoleForm::Images, layer::DipoleLayer::Images)]
+            {
                 if !t.defined(d, form) {
                     continue;
                 }
@@ -148,7 +150,7 @@ fn images_are_the_limit_of_dipoles() {
         for d in [0.15, 0.5] {
             for k in [0.0, 1.0, 20.0] {
                 let t = tissue(sigma_a);
-                let (want, got) = (t.spectrum(k, d, Form::Dipoles(4000)), t.spectrum(k, d, Form::Images));
+                let (want, got) = (t.spectrum(k, d, DipoleForm::Dipoles(4000)), t.spectrum(k, d, DipoleForm::Images));
                 assert!((got / want - 1.0).abs() < 1e-12, "σa {sigma_a} d {d} k {k}: {got} {want}");
             }
         }
@@ -159,7 +161,7 @@ fn images_are_the_limit_of_dipoles() {
 fn three_dipoles_leave_out_what_is_known() {
     // Relative error of the total of n = 3 against n = ∞ of the same sum.
     let error = |sigma_a: f64, d: f64| {
-        tissue(sigma_a).total(d, Form::Dipoles(3)) / tissue(sigma_a).total(d, Form::Dipoles(200_000)) - 1.0
+        tissue(sigma_a).total(d, DipoleForm::Dipoles(3)) / tissue(sigma_a).total(d, DipoleForm::Dipoles(200_000)) - 1.0
     };
     for (sigma_a, d, want, within) in
         [(0.4, 0.1, 0.009, 0.0005), (0.4, 0.5, 8e-7, 0.5e-7), (0.01, 0.2, 0.28, 0.005), (0.001, 0.2, 0.67, 0.005)]
@@ -172,29 +174,33 @@ fn three_dipoles_leave_out_what_is_known() {
 #[test]
 fn totals_against_the_transport_equation() {
     // Worst |total/ρt − 1|, isotropic scattering with σs′, A = 1.
-    let worst = |form: Form, sigma_a: f64, depths: &[f64]| {
+    let worst = |form: DipoleForm, sigma_a: f64, depths: &[f64]| {
         let t = tissue(sigma_a);
         depths
             .iter()
-            .map(|&d| (t.total(d, form) / exact::response(sigma_a, t.reduced_scattering(), d).rho_t - 1.0).abs())
+            .map(|&d| (t.total(d, form) / medium::response(sigma_a, t.reduced_scattering(), d).rho_t - 1.0).abs())
             .fold(0.0, f64::max)
     };
     let blades = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0];
     for sigma_a in [0.4, 0.01, 1e-6, 0.0] {
-        assert!(worst(Form::Thin, sigma_a, &blades) < 0.017, "σa {sigma_a}: {}", worst(Form::Thin, sigma_a, &blades));
-        assert!(worst(Form::Images, sigma_a, &[0.15, 0.2, 0.3, 0.5, 0.7, 1.0]) < 0.09, "σa {sigma_a}");
+        assert!(
+            worst(DipoleForm::Thin, sigma_a, &blades) < 0.017,
+            "σa {sigma_a}: {}",
+            worst(DipoleForm::Thin, sigma_a, &blades)
+        );
+        assert!(worst(DipoleForm::Images, sigma_a, &[0.15, 0.2, 0.3, 0.5, 0.7, 1.0]) < 0.09, "σa {sigma_a}");
     }
     // For σa ≫ σs only the unscattered light is left, and only the thin form has it.
-    assert!(worst(Form::Thin, 10.0, &[0.02, 0.05, 0.1, 0.15]) < 0.03);
-    assert!(worst(Form::Thin, 40.0, &[0.02, 0.05, 0.1]) < 0.05);
-    assert!(worst(Form::Images, 10.0, &[0.1]) > 0.5);
+    assert!(worst(DipoleForm::Thin, 10.0, &[0.02, 0.05, 0.1, 0.15]) < 0.03);
+    assert!(worst(DipoleForm::Thin, 40.0, &[0.02, 0.05, 0.1]) < 0.05);
+    assert!(worst(DipoleForm::Images, 10.0, &[0.1]) > 0.5);
     // The paper's form becomes negative below one mean free path; the thin form stays positive.
-    assert!(tissue(0.01).total(0.05, Form::Dipoles(3)) < 0.0 && tissue(0.01).total(0.05, Form::Thin) > 0.5);
+    assert!(tissue(0.01).total(0.05, DipoleForm::Dipoles(3)) < 0.0 && tissue(0.01).total(0.05, DipoleForm::Thin) > 0.5);
 }
 
 #[test]
 fn limits_are_smooth() {
-    for form in [Form::Images, Form::Thin] {
+    for form in [DipoleForm::Images, DipoleForm::Thin] {
         for k in [0.0, 0.3, 1.0, 30.0] {
             for d in [0.11, 0.5, 3.0] {
                 // σa → 0 is an ordinary point.
@@ -211,11 +217,11 @@ fn limits_are_smooth() {
     }
     // Thin blades pass everything, whatever they are made of.
     for sigma_a in ABSORPTIONS {
-        assert!((tissue(sigma_a).total(1e-9, Form::Thin) - 1.0).abs() < 1e-6);
-        assert_eq!(tissue(sigma_a).total(0.0, Form::Thin), 1.0);
+        assert!((tissue(sigma_a).total(1e-9, DipoleForm::Thin) - 1.0).abs() < 1e-6);
+        assert_eq!(tissue(sigma_a).total(0.0, DipoleForm::Thin), 1.0);
     }
     let air = Tissue { sigma_a: 0.0, sigma_s: 0.0, g: 0.0, a: 1.0 };
-    assert_eq!((air.total(0.3, Form::Thin), air.transmittance(0.1, 0.3, Form::Thin)), (1.0, 0.0));
+    assert_eq!((air.total(0.3, DipoleForm::Thin), air.transmittance(0.1, 0.3, DipoleForm::Thin)), (1.0, 0.0));
 }
 
 #[test]
@@ -231,7 +237,7 @@ fn nothing_is_nan_however_deep_or_far() {
                             value.is_finite() && beyond.is_finite(),
                             "{form:?} σa {sigma_a} g {g} d {d} r {r}: {value} {beyond}"
                         );
-                        if form != Form::Dipoles(3) {
+                        if form != DipoleForm::Dipoles(3) {
                             assert!(
                                 value >= 0.0 && beyond >= 0.0,
                                 "{form:?} σa {sigma_a} g {g} d {d} r {r}: {value} {beyond}"
@@ -243,8 +249,8 @@ fn nothing_is_nan_however_deep_or_far() {
             }
         }
     }
-    assert_eq!(tissue(40.0).transmittance(0.1, 1e4, Form::Thin), 0.0);
-    assert!(tissue(0.4).transmittance(0.1, 0.05, Form::Images).is_nan());
+    assert_eq!(tissue(40.0).transmittance(0.1, 1e4, DipoleForm::Thin), 0.0);
+    assert!(tissue(0.4).transmittance(0.1, 0.05, DipoleForm::Images).is_nan());
 }
 
 #[test]
@@ -253,7 +259,7 @@ fn derivatives_agree_with_differences() {
     let d = 0.23;
     for form in FORMS {
         for r in [0.02, 0.3, 3.0] {
-            let dual = in_space(&t.dual_coefficients(), r, Dual { value: d, by: [0.0, 0.0, 0.0, d] }, form);
+            let dual = in_space(&t.dual_coefficients(), r, TissueDual { value: d, by: [0.0, 0.0, 0.0, d] }, form);
             let at = |k: usize, e: f64| {
                 let mut moved = t;
                 let mut depth = d;

@@ -1,6 +1,6 @@
 //! T(r, d), and whether it can be trusted: one row of what `eval dipole` prints.
 
-use super::{Form, Tissue};
+use super::{DipoleForm, Tissue};
 use crate::slab;
 use mesophyll_base::error::Status;
 
@@ -11,7 +11,7 @@ const PROMISE: f64 = 0.1;
 
 /// T(r, d) in 1/mm² at `radius_mm` ≥ 0 and `thickness_mm` > 0, and whether diffusion holds there. The value is given
 /// wherever the formula has one; it is NaN where the status is [`Status::Refused`].
-pub fn evaluate(tissue: &Tissue, form: Form, thickness_mm: f64, radius_mm: f64) -> (f64, Status) {
+pub fn evaluate(tissue: &Tissue, form: DipoleForm, thickness_mm: f64, radius_mm: f64) -> (f64, Status) {
     let (thickness, radius) = (thickness_mm, radius_mm);
     let refused = |why: String| (f64::NAN, Status::Refused(why));
     if !(thickness > 0.0 && thickness.is_finite()) {
@@ -24,7 +24,7 @@ pub fn evaluate(tissue: &Tissue, form: Form, thickness_mm: f64, radius_mm: f64) 
     if !l.is_finite() {
         return refused("nothing absorbs or scatters; expected sigma_a + (1-g) sigma_s above 0".into());
     }
-    if form == Form::Images && thickness <= l {
+    if form == DipoleForm::Images && thickness <= l {
         return refused(format!(
             "thickness is {thickness}; expected above one mean free path, {l:.4} mm, with the method images"
         ));
@@ -41,12 +41,12 @@ pub fn evaluate(tissue: &Tissue, form: Form, thickness_mm: f64, radius_mm: f64) 
 }
 
 /// Why a value that can be computed is not to be trusted.
-fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> {
+fn doubt(tissue: &Tissue, form: DipoleForm, thickness: f64, t: f64) -> Option<String> {
     if let Some(why) = tissue.doubt() {
         return Some(why);
     }
     let l = tissue.mean_free_path();
-    if form != Form::Thin && thickness <= l {
+    if form != DipoleForm::Thin && thickness <= l {
         return Some(format!(
             "diffusion does not hold at a thickness of at most one mean free path, {l:.4} mm; the method thin does"
         ));
@@ -57,10 +57,10 @@ fn doubt(tissue: &Tissue, form: Form, thickness: f64, t: f64) -> Option<String> 
     if tissue.sigma_a > tissue.reduced_scattering() {
         return Some("diffusion does not hold where sigma_a exceeds (1-g) sigma_s".into());
     }
-    if let Form::Dipoles(n) = form {
+    if let DipoleForm::Dipoles(n) = form {
         // The value is that of the sum that was asked for. The share of all the light that the sum leaves out is its
         // error.
-        let whole = tissue.total(thickness, Form::Images);
+        let whole = tissue.total(thickness, DipoleForm::Images);
         let left_out = 1.0 - tissue.total(thickness, form) / whole;
         if whole > 0.0 && !(left_out.abs() <= PROMISE) {
             return Some(format!("{n} dipoles leave out {:.0} % of the light at this thickness", 100.0 * left_out));

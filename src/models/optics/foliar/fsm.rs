@@ -7,7 +7,7 @@
 use super::exact;
 use super::goniometer::{RINGS, SECTORS, projected};
 use super::lobe;
-use super::{Leaf, Oblateness, Side, walk};
+use super::{LayeredLeaf, Oblateness, Side, walk};
 use mesophyll_base::quadrature;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -20,7 +20,7 @@ pub const CUT: f64 = 0.01;
 
 /// Shares of the incident light.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shares {
+pub struct FoliarShares {
     /// Reflected by the surface.
     pub surface: f64,
     /// Reflected from the inside.
@@ -37,12 +37,12 @@ pub fn light(row: usize) -> (Side, f64) {
 }
 
 /// The table of a leaf at one wavelength, by the exact method. `None` where that method does not converge.
-pub fn table(leaf: &Leaf) -> Option<Vec<Shares>> {
+pub fn table(leaf: &LayeredLeaf) -> Option<Vec<FoliarShares>> {
     let lights: Vec<(Side, f64)> = (0..ROWS).map(light).collect();
     let found = exact::responses(leaf, &lights)?;
-    let share = |(&(_, angle), r): (&(Side, f64), &super::Response)| {
+    let share = |(&(_, angle), r): (&(Side, f64), &super::LeafResponse)| {
         let surface = leaf.surface_reflectance(angle);
-        Shares { surface, diffuse: (r.reflectance - surface).max(0.0), through: r.transmittance }
+        FoliarShares { surface, diffuse: (r.reflectance - surface).max(0.0), through: r.transmittance }
     };
     Some(lights.iter().zip(&found).map(share).collect())
 }
@@ -51,12 +51,12 @@ pub fn table(leaf: &Leaf) -> Option<Vec<Shares>> {
 /// through the mesophyll is a column of its own. With its angle it has ten numbers, as many as the paper's: what the
 /// first interface reflects needs no column, because Fresnel's formula gives it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Row {
+pub struct FoliarRow {
     /// Share that turns back before the mesophyll. Where the lower side is lit, that is light which turns back between
     /// wall and epidermis.
     pub turned: f64,
     /// The lobe of that share; see [`Turned`].
-    pub lobe: Turned,
+    pub lobe: TiltedLobe,
     /// Share that is reflected after it came through the mesophyll, at each wavelength.
     pub diffuse: [f64; 3],
     /// Share that is let through.
@@ -67,22 +67,22 @@ pub struct Row {
 /// and φ the angle from the plane of the mirror direction. It is the diffuse lobe, raised towards the plane of the leaf
 /// and leaning forward.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Turned {
+pub struct TiltedLobe {
     /// How much more there is at flat angles, 0 to 2.
     pub rise: f64,
     /// How much more there is on the mirror's side.
     pub lean: f64,
 }
 
-impl Turned {
+impl TiltedLobe {
     /// The lobe whose light has these means of sin²θ and of sin θ cos φ, or the closest lobe that is nowhere negative.
     /// The integrals of cos θ/π sin⁴θ and of cos θ/π sin²θ cos²φ are 1/3 and 1/4.
-    pub fn of(square: f64, forward: f64) -> Turned {
+    pub fn of(square: f64, forward: f64) -> TiltedLobe {
         let rise = (12.0 * (square - 0.5)).clamp(0.0, 2.0);
         let low = 1.0 - 0.5 * rise;
         // The smallest value of (low + rise s²)/s for s up to 1.
         let most = if low < rise { 2.0 * (low * rise).sqrt() } else { low + rise };
-        Turned { rise, lean: (4.0 * forward).clamp(-most, most) }
+        TiltedLobe { rise, lean: (4.0 * forward).clamp(-most, most) }
     }
 
     /// The lobe divided by the diffuse one. `forward` is sin θ cos φ.
@@ -107,19 +107,19 @@ const BLACK: f64 = 1e6;
 /// reflects from inside has turned back before the mesophyll. The paper takes this light for diffuse, but it has met
 /// few lobes, so more of it leaves forward. Its lobe is found from random rays in the black leaf, of which two means
 /// are kept. `None` where the exact method does not converge.
-pub fn rows(leaves: &[Leaf; 3]) -> Option<Vec<Row>> {
+pub fn rows(leaves: &[LayeredLeaf; 3]) -> Option<Vec<FoliarRow>> {
     let [r, g, b] = leaves;
     let tables = [table(r)?, table(g)?, table(b)?];
-    let twin = Leaf { depth: BLACK, ..*g };
+    let twin = LayeredLeaf { depth: BLACK, ..*g };
     let black = table(&twin)?;
-    let anchors: Vec<Turned> = (0..=(ROWS - 1) / LOBE_STEP).map(|k| turned_lobe(&twin, k * LOBE_STEP)).collect();
+    let anchors: Vec<TiltedLobe> = (0..=(ROWS - 1) / LOBE_STEP).map(|k| turned_lobe(&twin, k * LOBE_STEP)).collect();
     let row = |k: usize| {
         let (at, t) = (k / LOBE_STEP, (k % LOBE_STEP) as f64 / LOBE_STEP as f64);
         let next = anchors.get(at + 1).unwrap_or(&anchors[at]);
         let mix = |x: f64, y: f64| x + t * (y - x);
-        let lobe = Turned { rise: mix(anchors[at].rise, next.rise), lean: mix(anchors[at].lean, next.lean) };
+        let lobe = TiltedLobe { rise: mix(anchors[at].rise, next.rise), lean: mix(anchors[at].lean, next.lean) };
         let turned = tables.iter().map(|t| t[k].diffuse).fold(black[k].diffuse, f64::min);
-        Row {
+        FoliarRow {
             turned,
             lobe,
             diffuse: [0, 1, 2].map(|c: usize| tables[c][k].diffuse - turned),
@@ -131,12 +131,12 @@ pub fn rows(leaves: &[Leaf; 3]) -> Option<Vec<Row>> {
 
 /// The lobe of a leaf whose mesophyll is black, for the light of a row: means over the light that leaves, without the
 /// light that the face mirrors.
-fn turned_lobe(twin: &Leaf, row: usize) -> Turned {
+fn turned_lobe(twin: &LayeredLeaf, row: usize) -> TiltedLobe {
     let (side, at) = light(row);
     // Light along the plane of the leaf is mirrored completely, so the row takes the lobe of slightly steeper light.
     let at = at.min(88f64.to_radians());
     // Without a lobe on the face, everything it mirrors falls into one known patch.
-    let twin = Leaf { oblateness: Oblateness { cuticle: f64::INFINITY, ..twin.oblateness }, ..*twin };
+    let twin = LayeredLeaf { oblateness: Oblateness { cuticle: f64::INFINITY, ..twin.oblateness }, ..*twin };
     let seen = walk::directions(&twin, side, at, LOBE_RAYS, 1, &|| false);
     let mut shares: Vec<f64> =
         (0..RINGS / 2 * SECTORS).map(|k| seen.reading(k / SECTORS, k % SECTORS).fraction.0).collect();
@@ -152,7 +152,7 @@ fn turned_lobe(twin: &Leaf, row: usize) -> Turned {
         forward -= share * zenith.sin() * azimuth.cos();
     }
     // There is so little light that its means would be noise.
-    if all < 2e-3 { Turned::default() } else { Turned::of(square / all, forward / all) }
+    if all < 2e-3 { TiltedLobe::default() } else { TiltedLobe::of(square / all, forward / all) }
 }
 
 /// The angle between the leaf's normal and the way back along a ray (Eq. 5, radians).
@@ -195,7 +195,7 @@ pub fn surface_density(incidence: f64, ob: f64, zenith: f64, azimuth: f64, accep
 
 /// Share of the incident light that the model sends into a patch of the goniometer. `incidence` is from the normal of
 /// the lit side, below π/2; `ob` is finite.
-pub fn patch(incidence: f64, ob: f64, shares: Shares, ring: usize, sector: usize) -> f64 {
+pub fn patch(incidence: f64, ob: f64, shares: FoliarShares, ring: usize, sector: usize) -> f64 {
     let lambert = projected(ring) / PI;
     if ring >= RINGS / 2 {
         return shares.through * lambert;
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn patches_hold_all_light_of_the_three_lobes() {
-        let shares = Shares { surface: 0.5, diffuse: 0.2, through: 0.1 };
+        let shares = FoliarShares { surface: 0.5, diffuse: 0.2, through: 0.1 };
         for (incidence, ob) in [(0.0, 5.0), (0.6, 5.0), (1.4, 5.0), (0.9, 0.5), (0.7, 2000.0), (1.2, 1e6)] {
             let all = |rings: std::ops::Range<usize>| -> f64 {
                 rings.flat_map(|r| (0..SECTORS).map(move |s| patch(incidence, ob, shares, r, s))).sum()
@@ -252,7 +252,7 @@ mod tests {
     fn the_lobe_of_light_that_turned_back_keeps_its_means() {
         let rule = quadrature::unit(40);
         for (square, forward) in [(0.545, 0.25), (0.5, 0.1), (0.53, 0.0)] {
-            let lobe = Turned::of(square, forward);
+            let lobe = TiltedLobe::of(square, forward);
             let (mut sums, mut least) = ([0.0; 3], f64::INFINITY);
             for &(x, w) in &rule {
                 for k in 0..64 {
@@ -270,7 +270,7 @@ mod tests {
             assert!((sums[2] - forward).abs() < 1e-9 && least >= 0.0, "{sums:?}");
         }
         // Means that no such lobe can have are limited, and the lobe stays a density.
-        assert!(Turned::of(0.6, 0.9).lean < 3.6 && Turned::of(0.2, 0.0).rise == 0.0);
+        assert!(TiltedLobe::of(0.6, 0.9).lean < 3.6 && TiltedLobe::of(0.2, 0.0).rise == 0.0);
     }
 
     #[test]
@@ -289,7 +289,7 @@ mod tests {
         assert_eq!(light(90), (Side::Front, FRAC_PI_2));
         assert_eq!(light(180), (Side::Back, 0.0));
         assert!((light(91).1 - 89f64.to_radians()).abs() < 1e-15);
-        let table = table(&Leaf::soybean(0.4)).unwrap();
+        let table = table(&LayeredLeaf::soybean(0.4)).unwrap();
         assert!(table.len() == ROWS && (table[90].surface - 1.0).abs() < 1e-12 && table[90].through < 1e-12);
         assert!(table.iter().all(|s| s.diffuse >= 0.0 && s.through >= 0.0));
     }

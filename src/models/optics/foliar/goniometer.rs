@@ -3,7 +3,7 @@
 //! Patches are 9° by 9°. The polar angle counts from the outward normal of the lit side, so that patches 0 to 9 collect
 //! what is reflected and 10 to 19 what is let through. Azimuth 0 is towards the source, 180° the side of the mirror.
 
-use super::walk::Counts;
+use super::walk::RayCounts;
 use std::f64::consts::PI;
 
 /// Rings of patches from the lit side's normal to the other side's.
@@ -17,12 +17,12 @@ pub struct Goniometer {
     /// Rays that left into each patch, ring by ring.
     pub patches: Vec<u64>,
     /// Where all rays went.
-    pub counts: Counts,
+    pub counts: RayCounts,
 }
 
 /// One patch's reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reading {
+pub struct PatchReading {
     /// Share of the incident light that leaves into the patch, and its standard error.
     pub fraction: (f64, f64),
     /// The mean of the BRDF or BTDF over the patch (1/sr), and its standard error.
@@ -44,7 +44,7 @@ pub fn projected(ring: usize) -> f64 {
 impl Goniometer {
     /// A goniometer that has not collected any ray.
     pub fn empty() -> Goniometer {
-        Goniometer { patches: vec![0; RINGS * SECTORS], counts: Counts::default() }
+        Goniometer { patches: vec![0; RINGS * SECTORS], counts: RayCounts::default() }
     }
 
     /// Adds a ray. `lit` says whether it leaves on the lit side. `mu` is the cosine of its angle from that side's
@@ -60,9 +60,9 @@ impl Goniometer {
     }
 
     /// The reading of one patch.
-    pub fn reading(&self, ring: usize, sector: usize) -> Reading {
+    pub fn reading(&self, ring: usize, sector: usize) -> PatchReading {
         let fraction = self.counts.share(self.patches[ring * SECTORS + sector]);
         let per = 1.0 / projected(ring);
-        Reading { fraction, bdf: (fraction.0 * per, fraction.1 * per) }
+        PatchReading { fraction, bdf: (fraction.0 * per, fraction.1 * per) }
     }
 }

@@ -43,19 +43,19 @@ use mesophyll_base::surface::side::Side;
 )]
 #[serde(rename_all = "lowercase")]
 #[strum(serialize_all = "lowercase")]
-pub enum Path {
+pub enum MesophyllPath {
     /// The thickness over cos θ, as geometry has it.
     Slant,
     /// The thickness over cos(cos θ), in radians: how the public ABM program accounts for sieve and detour effects.
     Sieve,
 }
 
-impl Path {
+impl MesophyllPath {
     /// The length of a crossing at the cosine `mu`, in thicknesses.
     pub fn length<N: Real>(self, mu: N) -> N {
         match self {
-            Path::Slant => N::of(1.0) / mu,
-            Path::Sieve => N::of(1.0) / mu.cos(),
+            MesophyllPath::Slant => N::of(1.0) / mu,
+            MesophyllPath::Sieve => N::of(1.0) / mu.cos(),
         }
     }
 }
@@ -81,7 +81,7 @@ impl Oblateness {
 
 /// A leaf. R and T depend on absorption and thickness only through their product.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Leaf<N = f64> {
+pub struct LayeredLeaf<N = f64> {
     /// Absorption coefficient of the mesophyll times its thickness, ≥ 0, without unit.
     pub depth: N,
     /// Refractive index of cuticle and epidermis, ≥ 1.
@@ -93,22 +93,22 @@ pub struct Leaf<N = f64> {
     /// How strongly lobes bundle light.
     pub oblateness: Oblateness<N>,
     /// How long a crossing of the mesophyll is.
-    pub path: Path,
+    pub path: MesophyllPath,
 }
 
 /// Largest refractive index that is accepted.
 pub const LARGEST_INDEX: f64 = 3.0;
 
-impl Leaf {
+impl LayeredLeaf {
     /// The soybean leaf of B1 (Table 1) with a given absorption of one crossing.
-    pub fn soybean(depth: f64) -> Leaf {
-        Leaf {
+    pub fn soybean(depth: f64) -> LayeredLeaf {
+        LayeredLeaf {
             depth,
             n_cuticle: 1.6,
             n_mesophyll: 1.41,
             n_antidermal: 1.42,
             oblateness: Oblateness::USUAL,
-            path: Path::Slant,
+            path: MesophyllPath::Slant,
         }
     }
 
@@ -156,7 +156,7 @@ pub fn fresnel<N: Real>(n1: N, cos1: N, n2: N, cos2: N) -> N {
 
 /// A layer between two interfaces; [`walk`] and [`exact`] follow rays through these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Medium {
+pub enum LeafMedium {
     /// Air outside the leaf, or between mesophyll and antidermal wall.
     Air,
     /// An epidermis with its cuticle.
@@ -169,7 +169,7 @@ pub enum Medium {
 
 /// The tissue that decides the lobe of a ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Tissue {
+pub enum LeafTissue {
     /// The outer faces.
     Cuticle,
     /// Both epidermises.
@@ -183,31 +183,31 @@ pub enum Tissue {
 /// A plane interface: the media above and below it, and the tissue that turns the ray after each of four events
 /// (`None`: it is not turned).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Interface {
+pub struct LeafInterface {
     /// Medium above.
-    pub above: Medium,
+    pub above: LeafMedium,
     /// Medium below.
-    pub below: Medium,
+    pub below: LeafMedium,
     /// A ray that came downward and is reflected.
-    pub down_reflected: Option<Tissue>,
+    pub down_reflected: Option<LeafTissue>,
     /// A ray that came downward and is refracted.
-    pub down_refracted: Option<Tissue>,
+    pub down_refracted: Option<LeafTissue>,
     /// A ray that came upward and is reflected.
-    pub up_reflected: Option<Tissue>,
+    pub up_reflected: Option<LeafTissue>,
     /// A ray that came upward and is refracted.
-    pub up_refracted: Option<Tissue>,
+    pub up_refracted: Option<LeafTissue>,
 }
 
 /// The six interfaces from the adaxial face to the abaxial one. Which tissue turns a ray inside the leaf depends only
 /// on where the ray goes; [`walk`] and [`exact`] make use of that.
-pub const INTERFACES: [Interface; 6] = {
-    use Medium::{Air, Antidermal, Epidermis, Mesophyll};
-    const E: Option<Tissue> = Some(Tissue::Epidermis);
-    const P: Option<Tissue> = Some(Tissue::Palisade);
-    const S: Option<Tissue> = Some(Tissue::Spongy);
-    const C: Option<Tissue> = Some(Tissue::Cuticle);
-    const fn of(above: Medium, below: Medium, lobes: [Option<Tissue>; 4]) -> Interface {
-        Interface {
+pub const INTERFACES: [LeafInterface; 6] = {
+    use LeafMedium::{Air, Antidermal, Epidermis, Mesophyll};
+    const E: Option<LeafTissue> = Some(LeafTissue::Epidermis);
+    const P: Option<LeafTissue> = Some(LeafTissue::Palisade);
+    const S: Option<LeafTissue> = Some(LeafTissue::Spongy);
+    const C: Option<LeafTissue> = Some(LeafTissue::Cuticle);
+    const fn of(above: LeafMedium, below: LeafMedium, lobes: [Option<LeafTissue>; 4]) -> LeafInterface {
+        LeafInterface {
             above,
             below,
             down_reflected: lobes[0],
@@ -228,7 +228,7 @@ pub const INTERFACES: [Interface; 6] = {
 
 /// Light that leaves the leaf, as shares of the incident light; the rest is absorbed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Response<N = f64> {
+pub struct LeafResponse<N = f64> {
     /// Share that leaves on the lit side.
     pub reflectance: N,
     /// Share that leaves on the other side.

@@ -5,12 +5,12 @@
 //! wavelengths with the same refractive indices: at a wavelength exp(−absorption · crossings) of it is left.
 
 use super::lobe;
-use super::{INTERFACES, Leaf, Medium, Tissue, fresnel};
+use super::{INTERFACES, LayeredLeaf, LeafMedium, LeafTissue, fresnel};
 use std::f64::consts::TAU;
 
 /// How a ray left.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Exit {
+pub struct RayExit {
     /// Unit vector; z points out of the upper side.
     pub direction: [f64; 3],
     /// Length of its path through the mesophyll, in thicknesses.
@@ -22,7 +22,7 @@ const MOST_EVENTS: usize = 100_000;
 
 /// Follows a ray that arrives in the unit direction `from` (z < 0 means onto the upper side), with uniform numbers in
 /// [0, 1) from `random`. `None` where the ray was given up.
-pub fn follow(leaf: &Leaf, from: [f64; 3], random: &mut impl FnMut() -> f64) -> Option<Exit> {
+pub fn follow(leaf: &LayeredLeaf, from: [f64; 3], random: &mut impl FnMut() -> f64) -> Option<RayExit> {
     let mut d = from;
     let mut down = d[2] < 0.0;
     let mut k = if down { 0 } else { INTERFACES.len() - 1 };
@@ -31,7 +31,7 @@ pub fn follow(leaf: &Leaf, from: [f64; 3], random: &mut impl FnMut() -> f64) -> 
         let interface = &INTERFACES[k];
         let (here, next) = if down { (interface.above, interface.below) } else { (interface.below, interface.above) };
         let mu = d[2].abs();
-        if here == Medium::Mesophyll {
+        if here == LeafMedium::Mesophyll {
             crossings += leaf.path.length(mu);
         }
         let (n1, n2) = (index(leaf, here), index(leaf, next));
@@ -56,8 +56,8 @@ pub fn follow(leaf: &Leaf, from: [f64; 3], random: &mut impl FnMut() -> f64) -> 
             d = turned(d, oblateness(leaf, tissue), random);
         }
         match (k, down) {
-            (0, false) => return Some(Exit { direction: d, crossings }),
-            (5, true) => return Some(Exit { direction: d, crossings }),
+            (0, false) => return Some(RayExit { direction: d, crossings }),
+            (5, true) => return Some(RayExit { direction: d, crossings }),
             (_, true) => k += 1,
             (_, false) => k -= 1,
         }
@@ -65,21 +65,21 @@ pub fn follow(leaf: &Leaf, from: [f64; 3], random: &mut impl FnMut() -> f64) -> 
     None
 }
 
-fn index(leaf: &Leaf, medium: Medium) -> f64 {
+fn index(leaf: &LayeredLeaf, medium: LeafMedium) -> f64 {
     match medium {
-        Medium::Air => 1.0,
-        Medium::Epidermis => leaf.n_cuticle,
-        Medium::Mesophyll => leaf.n_mesophyll,
-        Medium::Antidermal => leaf.n_antidermal,
+        LeafMedium::Air => 1.0,
+        LeafMedium::Epidermis => leaf.n_cuticle,
+        LeafMedium::Mesophyll => leaf.n_mesophyll,
+        LeafMedium::Antidermal => leaf.n_antidermal,
     }
 }
 
-fn oblateness(leaf: &Leaf, tissue: Tissue) -> f64 {
+fn oblateness(leaf: &LayeredLeaf, tissue: LeafTissue) -> f64 {
     match tissue {
-        Tissue::Cuticle => leaf.oblateness.cuticle,
-        Tissue::Epidermis => leaf.oblateness.epidermis,
-        Tissue::Palisade => leaf.oblateness.palisade,
-        Tissue::Spongy => leaf.oblateness.spongy,
+        LeafTissue::Cuticle => leaf.oblateness.cuticle,
+        LeafTissue::Epidermis => leaf.oblateness.epidermis,
+        LeafTissue::Palisade => leaf.oblateness.palisade,
+        LeafTissue::Spongy => leaf.oblateness.spongy,
     }
 }
 
@@ -121,7 +121,7 @@ mod tests {
     /// code.
     #[test]
     fn single_rays_end_where_others_do() {
-        let leaf = Leaf::soybean(0.5147);
+        let leaf = LayeredLeaf::soybean(0.5147);
         for (side, degrees) in [(Side::Front, 40.0f64), (Side::Back, 45.0)] {
             let at = degrees.to_radians();
             let down = side == Side::Front;
@@ -162,11 +162,11 @@ mod tests {
     fn level_light_and_clear_layers_end() {
         let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
         let mut random = || rng.random::<f64>();
-        let leaf = Leaf::soybean(0.0);
+        let leaf = LayeredLeaf::soybean(0.0);
         // Light along the plane is mirrored completely.
         let level = follow(&leaf, [1.0, 0.0, -0.0], &mut random).unwrap();
         assert_eq!(level.crossings, 0.0);
-        let air = Leaf { n_cuticle: 1.0, n_mesophyll: 1.0, n_antidermal: 1.0, ..leaf };
+        let air = LayeredLeaf { n_cuticle: 1.0, n_mesophyll: 1.0, n_antidermal: 1.0, ..leaf };
         let through = follow(&air, [0.6, 0.0, -0.8], &mut random).unwrap();
         assert!(through.direction[2] < 0.0 && through.crossings >= 1.0);
     }

@@ -1,6 +1,6 @@
 //! How much light a layered leaf reflects and lets through, by either method: one row of what `eval abm` prints.
 
-use super::{Leaf, Oblateness, Path, Side, exact, walk};
+use super::{LayeredLeaf, MesophyllPath, Oblateness, Side, exact, walk};
 
 /// How the shares are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumDiscriminants)]
@@ -10,7 +10,7 @@ use super::{Leaf, Oblateness, Path, Side, exact, walk};
     derive(strum::Display, strum::EnumString, strum::EnumIter, strum::IntoStaticStr, strum::EnumMessage),
     strum(serialize_all = "kebab-case")
 )]
-pub enum Method {
+pub enum FoliarMethod {
     /// Random rays, at least 1. Different leaves have different noise, but a leaf has the same noise in every row.
     MonteCarlo {
         /// How many rays.
@@ -28,18 +28,18 @@ pub enum Method {
 /// # Errors
 /// A sentence where the exact method does not converge.
 pub fn shares(
-    leaf: &Leaf,
+    leaf: &LayeredLeaf,
     side: Side,
     incidence: f64,
-    method: Method,
+    method: FoliarMethod,
     stop: &(dyn Fn() -> bool + Sync),
 ) -> Result<[(f64, f64); 2], String> {
     match method {
-        Method::Exact => {
+        FoliarMethod::Exact => {
             let found = exact::response(leaf, side, incidence).ok_or_else(unsettled)?;
             Ok([(found.reflectance, 0.0), (found.transmittance, 0.0)])
         }
-        Method::MonteCarlo { rays, seed } => {
+        FoliarMethod::MonteCarlo { rays, seed } => {
             let counts = walk::count(leaf, side, incidence, rays, own_seed(seed, leaf, side, incidence), stop);
             Ok([counts.share(counts.reflected), counts.share(counts.transmitted)])
         }
@@ -54,11 +54,11 @@ pub fn unsettled() -> String {
 
 /// A seed for each case, so that different cases have different noise, and the same case has the same noise in every
 /// row.
-pub fn own_seed(seed: u64, leaf: &Leaf, side: Side, incidence: f64) -> u64 {
+pub fn own_seed(seed: u64, leaf: &LayeredLeaf, side: Side, incidence: f64) -> u64 {
     let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
     let numbers =
         [leaf.depth, leaf.n_cuticle, leaf.n_mesophyll, leaf.n_antidermal, cuticle, epidermis, palisade, spongy];
-    let words = [incidence.to_bits(), (side == Side::Front).into(), (leaf.path == Path::Slant).into()];
+    let words = [incidence.to_bits(), (side == Side::Front).into(), (leaf.path == MesophyllPath::Slant).into()];
     // FNV-1a over the words
     let mix = |h: u64, x: u64| (h ^ x).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29);
     numbers.map(f64::to_bits).into_iter().chain(words).fold(mix(0xcbf2_9ce4_8422_2325, seed), mix)

@@ -1,4 +1,4 @@
-use super::exact::{self, PARAMETERS, Prepared, Resolution};
+use super::exact::{self, LeafOperator, PARAMETERS, Resolution};
 use super::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -7,31 +7,31 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub const SIDES: [Side; 2] = [Side::Front, Side::Back];
 pub const INF: f64 = f64::INFINITY;
 
-pub fn leaf(indices: [f64; 3], oblateness: [f64; 3], depth: f64) -> Leaf {
+pub fn leaf(indices: [f64; 3], oblateness: [f64; 3], depth: f64) -> LayeredLeaf {
     let [n_cuticle, n_mesophyll, n_antidermal] = indices;
     let [epidermis, palisade, spongy] = oblateness;
     let oblateness = Oblateness { cuticle: 2.0, epidermis, palisade, spongy };
-    Leaf { depth, n_cuticle, n_mesophyll, n_antidermal, oblateness, path: Path::Slant }
+    LayeredLeaf { depth, n_cuticle, n_mesophyll, n_antidermal, oblateness, path: MesophyllPath::Slant }
 }
 
-fn exactly(leaf: &Leaf, side: Side, incidence: f64) -> Response {
+fn exactly(leaf: &LayeredLeaf, side: Side, incidence: f64) -> LeafResponse {
     exact::response(leaf, side, incidence).unwrap()
 }
 
 /// A plain random walk written from the table of interfaces, one ray at a time in double precision. Returns true for a
 /// ray that leaves upward.
-fn literal(leaf: &Leaf, side: Side, incidence: f64, rng: &mut Pcg64) -> Option<bool> {
-    let index = |m: Medium| match m {
-        Medium::Air => 1.0,
-        Medium::Epidermis => leaf.n_cuticle,
-        Medium::Mesophyll => leaf.n_mesophyll,
-        Medium::Antidermal => leaf.n_antidermal,
+fn literal(leaf: &LayeredLeaf, side: Side, incidence: f64, rng: &mut Pcg64) -> Option<bool> {
+    let index = |m: LeafMedium| match m {
+        LeafMedium::Air => 1.0,
+        LeafMedium::Epidermis => leaf.n_cuticle,
+        LeafMedium::Mesophyll => leaf.n_mesophyll,
+        LeafMedium::Antidermal => leaf.n_antidermal,
     };
-    let oblateness = |t: Tissue| match t {
-        Tissue::Cuticle => leaf.oblateness.cuticle,
-        Tissue::Epidermis => leaf.oblateness.epidermis,
-        Tissue::Palisade => leaf.oblateness.palisade,
-        Tissue::Spongy => leaf.oblateness.spongy,
+    let oblateness = |t: LeafTissue| match t {
+        LeafTissue::Cuticle => leaf.oblateness.cuticle,
+        LeafTissue::Epidermis => leaf.oblateness.epidermis,
+        LeafTissue::Palisade => leaf.oblateness.palisade,
+        LeafTissue::Spongy => leaf.oblateness.spongy,
     };
     let mut xi = || 1.0 - rng.random::<f64>();
     let (mut down, mut at) = if side == Side::Front { (true, 0i32) } else { (false, 5) };
@@ -39,7 +39,7 @@ fn literal(leaf: &Leaf, side: Side, incidence: f64, rng: &mut Pcg64) -> Option<b
     loop {
         let face = &INTERFACES[at as usize];
         let (from, to) = if down { (face.above, face.below) } else { (face.below, face.above) };
-        if from == Medium::Mesophyll && -xi().ln() * mu < leaf.depth {
+        if from == LeafMedium::Mesophyll && -xi().ln() * mu < leaf.depth {
             return None;
         }
         let (n1, n2) = (index(from), index(to));
@@ -73,15 +73,15 @@ fn literal(leaf: &Leaf, side: Side, incidence: f64, rng: &mut Pcg64) -> Option<b
 }
 
 /// Leaves of all kinds: total reflection at each interface, wide and narrow lobes, clear and dark.
-fn kinds() -> Vec<Leaf> {
+fn kinds() -> Vec<LayeredLeaf> {
     vec![
-        Leaf::soybean(0.3),
+        LayeredLeaf::soybean(0.3),
         leaf([1.3, 1.6, 1.5], [0.0, 0.5, 0.0], 0.05),
         leaf([1.2, 1.1, 2.5], [0.3, 4.5, 50.0], 0.2),
         leaf([1.5, 1.5, 1.0], [5.0, 0.0, 5.0], 0.0),
         leaf([1.6, 1.41, 1.42], [INF, 1.0, INF], 0.4),
         leaf([1.0, 1.4, 1.42], [3.0, INF, 1.0], 0.1),
-        Leaf { path: Path::Sieve, ..Leaf::soybean(0.8) },
+        LayeredLeaf { path: MesophyllPath::Sieve, ..LayeredLeaf::soybean(0.8) },
     ]
 }
 
@@ -133,7 +133,7 @@ fn the_table_of_interfaces_says_what_the_exact_method_solves() {
 /// Over many seeds, deviations from the exact method have a normal distribution with the stated errors.
 #[test]
 fn errors_of_rays_are_true() {
-    let leaf = Leaf::soybean(0.5);
+    let leaf = LayeredLeaf::soybean(0.5);
     let want = exactly(&leaf, Side::Back, 0.6);
     let seeds = 60;
     let (mut sum, mut squares) = (0.0, 0.0);
@@ -153,7 +153,7 @@ fn errors_of_rays_are_true() {
 #[test]
 fn a_clear_leaf_loses_no_light() {
     for leaf in kinds() {
-        let leaf = Leaf { depth: 0.0, ..leaf };
+        let leaf = LayeredLeaf { depth: 0.0, ..leaf };
         for side in SIDES {
             for incidence in [0.0, 0.7, 1.5] {
                 let r = exactly(&leaf, side, incidence);
@@ -176,8 +176,8 @@ fn without_indices_only_the_mesophyll_is_left() {
         assert!(diffuse.reflectance.abs() < 1e-12);
         assert!((diffuse.transmittance - 2.0 * e3(depth)).abs() < 2e-5, "{depth}: {diffuse:?}");
         for incidence in [0.0f64, 0.8, 1.5] {
-            for path in [Path::Slant, Path::Sieve] {
-                let leaf = Leaf { path, ..leaf(air, [INF; 3], depth) };
+            for path in [MesophyllPath::Slant, MesophyllPath::Sieve] {
+                let leaf = LayeredLeaf { path, ..leaf(air, [INF; 3], depth) };
                 let want = (-depth * path.length(incidence.cos())).exp();
                 assert!((exactly(&leaf, Side::Back, incidence).transmittance - want).abs() < 1e-12);
                 let counts = walk::count(&leaf, Side::Back, incidence, 20_000, 1, &|| false);
@@ -195,7 +195,7 @@ fn a_black_leaf_of_one_index_reflects_by_its_surface_alone() {
         let r = exactly(&leaf, Side::Front, incidence);
         assert!((r.reflectance - leaf.surface_reflectance(incidence)).abs() < 1e-9 && r.transmittance == 0.0);
         // Light that circulates inside the epidermis adds to this where the indices differ.
-        let soybean = Leaf::soybean(1e9);
+        let soybean = LayeredLeaf::soybean(1e9);
         assert!(exactly(&soybean, Side::Front, incidence).reflectance > soybean.surface_reflectance(incidence) + 1e-4);
     }
 }
@@ -242,7 +242,7 @@ fn the_usual_resolution_is_right_to_2e_5() {
         if !exact::is_plain(&leaf) {
             continue;
         }
-        let (usual, fine) = (Prepared::new(&leaf, Resolution::USUAL), Prepared::new(&leaf, fine));
+        let (usual, fine) = (LeafOperator::new(&leaf, Resolution::USUAL), LeafOperator::new(&leaf, fine));
         let (usual, fine) = (usual.solve(leaf.depth), fine.solve(leaf.depth));
         for side in SIDES {
             for incidence in [0.0, 20.0, 37.0, 45.0, 60.0, 80.0, 89.0].map(|x: f64| x.to_radians()) {
@@ -263,7 +263,8 @@ fn narrow_lobes_on_slant_paths_are_right_to_2e_5() {
         [(30.0, 0.3, [1.5, 1.415, 1.41]), (100.0, 1.2, [1.55, 1.46, 1.43]), (100.0, 0.05, [1.42, 1.38, 1.37])]
     {
         let leaf = leaf(indices, [epidermis, 1.0, 5.0], depth);
-        let (usual, fine) = (Prepared::new(&leaf, Resolution::USUAL), Prepared::new(&leaf, Resolution::FINER[1]));
+        let (usual, fine) =
+            (LeafOperator::new(&leaf, Resolution::USUAL), LeafOperator::new(&leaf, Resolution::FINER[1]));
         let (usual, fine) = (usual.solve(leaf.depth), fine.solve(leaf.depth));
         for side in SIDES {
             let (a, b) = (usual.response(side, 0.0), fine.response(side, 0.0));
@@ -278,8 +279,8 @@ fn narrow_lobes_on_slant_paths_are_right_to_2e_5() {
 fn derivatives_are_those_of_differences() {
     let steps = 1e-4;
     for (leaf, side, incidence) in [
-        (Leaf::soybean(0.4), Side::Front, 0.0),
-        (Leaf::soybean(0.4), Side::Back, 0.9),
+        (LayeredLeaf::soybean(0.4), Side::Front, 0.0),
+        (LayeredLeaf::soybean(0.4), Side::Back, 0.9),
         (leaf([1.4, 1.55, 1.3], [2.5, 0.7, 9.0], 0.1), Side::Front, 1.2),
     ] {
         let got = exact::derivatives(&leaf, side, incidence);
@@ -316,7 +317,7 @@ fn derivatives_are_those_of_differences() {
 /// differ, although FSM's rule for direct light takes them to be equal.
 #[test]
 fn the_model_is_not_reciprocal() {
-    let leaf = Leaf::soybean(0.0);
+    let leaf = LayeredLeaf::soybean(0.0);
     // Under diffuse light, a reciprocal leaf would transmit the same share from both sides.
     let diffuse = |side: Side| -> f64 {
         let rule = mesophyll_base::quadrature::unit(12);
@@ -328,7 +329,7 @@ fn the_model_is_not_reciprocal() {
 
 #[test]
 fn a_seed_says_which_rays_whatever_the_threads() {
-    let leaf = Leaf::soybean(0.3);
+    let leaf = LayeredLeaf::soybean(0.3);
     let run = |seed: u64| walk::count(&leaf, Side::Front, 0.4, 200_000, seed, &|| false);
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     assert_eq!(run(5), alone.install(|| run(5)));
@@ -339,7 +340,7 @@ fn a_seed_says_which_rays_whatever_the_threads() {
 #[test]
 fn the_goniometer_sees_where_light_goes() {
     use goniometer::{RINGS, SECTORS};
-    let leaf = Leaf::soybean(0.3);
+    let leaf = LayeredLeaf::soybean(0.3);
     let incidence = 40f64.to_radians();
     let seen = walk::directions(&leaf, Side::Back, incidence, 300_000, 2, &|| false);
     let up: u64 = seen.patches[..RINGS / 2 * SECTORS].iter().sum();
@@ -357,10 +358,10 @@ fn the_goniometer_sees_where_light_goes() {
     let (left, right) = (half(0..SECTORS / 2), half(SECTORS / 2..SECTORS));
     assert!((left - right).abs() < 4.5 * (left + right).sqrt());
     // The light that a black leaf reflects goes where FSM's surface lobe sends it.
-    let black = Leaf { depth: 1e9, n_mesophyll: 1.6, ..leaf };
+    let black = LayeredLeaf { depth: 1e9, n_mesophyll: 1.6, ..leaf };
     let seen = walk::directions(&black, Side::Front, incidence, 400_000, 3, &|| false);
     let surface = black.surface_reflectance(incidence);
-    let shares = fsm::Shares { surface, diffuse: 0.0, through: 0.0 };
+    let shares = fsm::FoliarShares { surface, diffuse: 0.0, through: 0.0 };
     let patches = (0..RINGS / 2).flat_map(|ring| (0..SECTORS).map(move |sector| (ring, sector)));
     let (mut chi2, mut judged) = (0.0, 0.0f64);
     for (ring, sector) in patches {
@@ -377,11 +378,11 @@ fn the_goniometer_sees_where_light_goes() {
 
 #[test]
 fn bad_leaves_are_named() {
-    let fault = |l: Leaf| l.fault().unwrap();
-    assert!(fault(Leaf::soybean(-1.0)).contains("absorption"));
-    assert!(fault(Leaf { n_cuticle: 0.9, ..Leaf::soybean(0.0) }).contains("n_cuticle is 0.9"));
-    assert!(fault(Leaf { n_antidermal: f64::NAN, ..Leaf::soybean(0.0) }).contains("n_antidermal"));
+    let fault = |l: LayeredLeaf| l.fault().unwrap();
+    assert!(fault(LayeredLeaf::soybean(-1.0)).contains("absorption"));
+    assert!(fault(LayeredLeaf { n_cuticle: 0.9, ..LayeredLeaf::soybean(0.0) }).contains("n_cuticle is 0.9"));
+    assert!(fault(LayeredLeaf { n_antidermal: f64::NAN, ..LayeredLeaf::soybean(0.0) }).contains("n_antidermal"));
     assert!(fault(leaf([1.5; 3], [1.0, -1.0, 1.0], 0.0)).contains("oblateness_palisade is -1"));
     assert!(leaf([1.5; 3], [0.0, INF, 1.0], 1e300).fault().is_none());
-    assert!(exactly(&Leaf::soybean(0.2), Side::Front, FRAC_PI_2).reflectance > 0.999_999);
+    assert!(exactly(&LayeredLeaf::soybean(0.2), Side::Front, FRAC_PI_2).reflectance > 0.999_999);
 }

@@ -4,12 +4,12 @@
 //! It is barycentric interpolation of ln ρ in Chebyshev points of the second kind (Berrut & Trefethen 2004, Eq. 4.2). A
 //! slab's response is analytic in the thickness, so a few dozen points are exact to rounding. Lengths in mm.
 
-use super::exact;
+use super::medium;
 use std::f64::consts::PI;
 
 /// The interpolant of one slab, for three channels.
 #[derive(Debug, Clone)]
-pub struct Chebyshev {
+pub struct SlabInterpolant {
     nodes: Vec<f64>,
     /// ln ρd and ln ρt: for each node, one number a channel.
     values: Vec<[f64; 6]>,
@@ -18,20 +18,20 @@ pub struct Chebyshev {
 /// Points of the interpolant.
 const NODES: usize = 25;
 
-impl Chebyshev {
+impl SlabInterpolant {
     /// The slab with these coefficients (1/mm, a channel each) between the thicknesses `low` and `high` (mm).
-    pub fn new(sigma_a: [f64; 3], sigma_s: [f64; 3], low: f64, high: f64) -> Chebyshev {
+    pub fn new(sigma_a: [f64; 3], sigma_s: [f64; 3], low: f64, high: f64) -> SlabInterpolant {
         let half = ((high - low) / 2.0).max(1e-9 * high);
         let nodes: Vec<f64> =
             (0..NODES).map(|k| (low + high) / 2.0 + half * (PI * k as f64 / (NODES - 1) as f64).cos()).collect();
         let values = nodes
             .iter()
             .map(|&h| {
-                let r = [0, 1, 2].map(|c| exact::response(sigma_a[c], sigma_s[c], h));
+                let r = [0, 1, 2].map(|c| medium::response(sigma_a[c], sigma_s[c], h));
                 [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v.max(1e-300).ln())
             })
             .collect();
-        Chebyshev { nodes, values }
+        SlabInterpolant { nodes, values }
     }
 
     /// ρd and ρt (shares of the light, a channel each) at the thickness `h` (mm). A thickness outside the range takes
@@ -63,12 +63,12 @@ mod tests {
     #[test]
     fn the_interpolant_is_the_slab() {
         let (sa, ss) = ([9.0, 4.2, 0.02], [6.0, 7.0, 5.0]);
-        let curve = Chebyshev::new(sa, ss, 0.08, 0.4);
+        let curve = SlabInterpolant::new(sa, ss, 0.08, 0.4);
         for k in 0..=40 {
             let h = 0.08 + 0.32 * f64::from(k) / 40.0;
             let (rho_d, rho_t) = curve.at(h);
             for c in 0..3 {
-                let exact = exact::response(sa[c], ss[c], h);
+                let exact = medium::response(sa[c], ss[c], h);
                 assert!(
                     (rho_d[c] / exact.rho_d - 1.0).abs() < 1e-7 && (rho_t[c] / exact.rho_t - 1.0).abs() < 1e-7,
                     "{h} {c}"

@@ -4,7 +4,7 @@ use super::response;
 
 /// ρd and ρt of the slab over its thickness, on a uniform grid.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Curve {
+pub struct ResponseCurve {
     /// Thickness at the first point (mm).
     pub min: f64,
     /// Thickness at the last point (mm).
@@ -18,7 +18,7 @@ pub struct Curve {
 /// The largest number of intervals of a curve.
 const FINEST: usize = 1024;
 
-impl Curve {
+impl ResponseCurve {
     /// Samples the slab between `min` and `max` mm until linear interpolation agrees with it within the relative error
     /// `allowed`. σ (1/mm) has a value for each channel. `tried` is told each number of points and its error.
     ///
@@ -30,7 +30,7 @@ impl Curve {
         [min, max]: [f64; 2],
         allowed: f64,
         mut tried: impl FnMut(usize, f64),
-    ) -> Curve {
+    ) -> ResponseCurve {
         let (min, max) = if max > min { (min, max) } else { (min * (1.0 - 1e-3), min * (1.0 + 1e-3)) };
         let at = |h: f64| -> [[f64; 3]; 2] {
             let all = [0, 1, 2].map(|c| response(sigma_a[c], sigma_s[c], h));
@@ -54,7 +54,7 @@ impl Curve {
             tried(points.len(), error);
             if error <= allowed || intervals >= FINEST {
                 let (rho_d, rho_t) = points.iter().map(|p| (p[0], p[1])).unzip();
-                return Curve { min, max, rho_d, rho_t };
+                return ResponseCurve { min, max, rho_d, rho_t };
             }
             let mut finer = Vec::with_capacity(2 * intervals + 1);
             for (k, middle) in middles.into_iter().enumerate() {
@@ -86,7 +86,7 @@ mod tests {
         let (sa, ss) = ([0.6, 0.4, 1.5], [12.0, 10.0, 9.0]);
         let mut last = 0;
         for allowed in [1e-2, 1e-3, 1e-4] {
-            let c = Curve::sampled(sa, ss, [0.1, 0.3], allowed, |_, _| ());
+            let c = ResponseCurve::sampled(sa, ss, [0.1, 0.3], allowed, |_, _| ());
             assert!(c.rho_d.len() > last);
             last = c.rho_d.len();
             // An independent test at points that are neither nodes nor middles.

@@ -15,7 +15,7 @@
 //! crosses is solved from its two faces instead, so that T keeps its digits. What is absorbed is computed on its own
 //! and not as 1 − R − T, so that it keeps its digits where ω is near 1.
 
-use super::Response;
+use super::SlabResponse;
 use super::ordinates::{Eigen, Ordinates, far_exit, near_exit, odd_exit};
 use super::quadrature::gauss;
 use mesophyll_base::surface::gloss::fresnel;
@@ -33,7 +33,7 @@ const N: usize = TRAPPED + FREE;
 const APART: f64 = 4.0;
 
 /// Two plane faces between air and a slab of one index, and a beam that arrives at one angle.
-pub struct Faces {
+pub struct SlabFaces {
     /// Reflectance of a face for the beam.
     mirror: f64,
     /// 1/cosine of the beam inside.
@@ -45,7 +45,7 @@ pub struct Faces {
 
 /// Where the light of a beam goes; the parts sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shares {
+pub struct FaceShares {
     /// Reflected without being scattered, by both faces.
     pub mirrored: f64,
     /// Scattered at least once and reflected.
@@ -60,16 +60,16 @@ pub struct Shares {
     pub lost: f64,
 }
 
-impl Shares {
+impl FaceShares {
     /// All that is reflected and all that is transmitted.
-    pub fn response(&self) -> Response {
-        Response { rho_d: self.mirrored + self.scattered_back, rho_t: self.log_t.exp() }
+    pub fn response(&self) -> SlabResponse {
+        SlabResponse { rho_d: self.mirrored + self.scattered_back, rho_t: self.log_t.exp() }
     }
 }
 
-impl Faces {
+impl SlabFaces {
     /// Faces of `index` ≥ 1 for a beam in air at the cosine `mu0` (0 < mu0 ≤ 1).
-    pub fn new(index: f64, mu0: f64) -> Faces {
+    pub fn new(index: f64, mu0: f64) -> SlabFaces {
         let n2 = index * index;
         // the square of the critical angle's cosine
         let critical2 = (index - 1.0) * (index + 1.0) / n2;
@@ -109,18 +109,18 @@ impl Faces {
             rule.mean_square += rule.w[j] * square;
         }
         let inside = (critical2 + mu0 * mu0 / n2).sqrt();
-        Faces { mirror: fresnel(mu0, index), slant: 1.0 / inside, rule, reflected }
+        SlabFaces { mirror: fresnel(mu0, index), slant: 1.0 / inside, rule, reflected }
     }
 
     /// The shares at single-scattering albedo `omega` and optical thickness `delta` ≥ 0; `absorbed` = 1 − omega is
     /// passed separately, so that it keeps its digits.
-    pub fn shares(&self, omega: f64, absorbed: f64, delta: f64) -> Shares {
+    pub fn shares(&self, omega: f64, absorbed: f64, delta: f64) -> FaceShares {
         let (r, c) = (self.mirror, self.slant);
         let through = (-c * delta).exp();
         let round = 1.0 - (r * through).powi(2);
         let passed = (1.0 - r) * (1.0 - r) * through / round;
         let mirrored = r + r * through * passed;
-        let clear = Shares {
+        let clear = FaceShares {
             mirrored,
             scattered_back: 0.0,
             passed,
@@ -140,7 +140,7 @@ impl Faces {
     }
 
     /// Light of equal and of opposite sign on both faces.
-    fn near(&self, eigen: &Eigen<N>, absorbed: f64, delta: f64, clear: Shares) -> Shares {
+    fn near(&self, eigen: &Eigen<N>, absorbed: f64, delta: f64, clear: FaceShares) -> FaceShares {
         let (k, d, mu, r) = (&eigen.k, &eigen.d, &self.rule.mu, &self.reflected);
         let (mut even, mut odd) = (Rows::new(), Rows::new());
         // tanh(kΔ/2), and the same over k
@@ -181,7 +181,7 @@ impl Faces {
         let both = (1.0 - mirror) * back / (1.0 - mirror * through);
         let apart = (1.0 - mirror) * difference / (1.0 + mirror * through);
         let scattered_on = 0.5 * (both - apart);
-        Shares {
+        FaceShares {
             scattered_back: 0.5 * (both + apart),
             scattered_on,
             log_t: (clear.passed + scattered_on).ln(),
@@ -191,7 +191,7 @@ impl Faces {
     }
 
     /// Each face by itself, coupled by what crosses the slab, which has the factor e^(−slow Δ).
-    fn far(&self, eigen: &Eigen<N>, delta: f64, clear: Shares) -> Shares {
+    fn far(&self, eigen: &Eigen<N>, delta: f64, clear: FaceShares) -> FaceShares {
         let (k, d, mu, r) = (&eigen.k, &eigen.d, &self.rule.mu, &self.reflected);
         let c = self.slant;
         let slow = k[0].min(c);
@@ -239,7 +239,7 @@ impl Faces {
             (1.0 - mirror) * (up + mirror * through * scale * scale * (down + mirror * through * up) / round);
         let passed = (1.0 - mirror).powi(2) * through / round;
         let log_t = (passed + scattered_on).ln() - slow * delta;
-        Shares {
+        FaceShares {
             scattered_back,
             scattered_on: scattered_on * scale,
             log_t,

@@ -6,7 +6,7 @@
 //! Collocation at ν₀ and the N Gauss points gives 2(N+1) equations. The expansion converges only algebraically, because
 //! the radiance is like μ ln μ at μ = 0. So only six digits are asked of it.
 
-use super::Response;
+use super::SlabResponse;
 use super::quadrature::{gauss, shifted_legendre};
 
 /// Highest order tried.
@@ -16,9 +16,9 @@ const CONSERVATIVE: f64 = 1e-11;
 
 /// An F_N answer and how well it settled.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Answer {
+pub struct FnSolution {
     /// What the slab reflects and transmits.
-    pub response: Response,
+    pub response: SlabResponse,
     /// order of the accepted answer
     pub order: usize,
     /// largest relative change of ρd and ρt from the order before
@@ -27,15 +27,15 @@ pub struct Answer {
 
 /// Raises the order by two until ρd and ρt change by less than `tolerance`. If that never happens, the pair of orders
 /// with the smallest change is returned.
-pub fn solve(omega: f64, one_minus_omega: f64, delta: f64, tolerance: f64) -> Answer {
-    let mut best = Answer { response: at_order(omega, one_minus_omega, delta, 2), order: 2, change: f64::INFINITY };
+pub fn solve(omega: f64, one_minus_omega: f64, delta: f64, tolerance: f64) -> FnSolution {
+    let mut best = FnSolution { response: at_order(omega, one_minus_omega, delta, 2), order: 2, change: f64::INFINITY };
     let mut before = best.response;
     for order in (4..=MAX_ORDER).step_by(2) {
         let response = at_order(omega, one_minus_omega, delta, order);
         let relative = |a: f64, b: f64| if a == b { 0.0 } else { (a / b - 1.0).abs() };
         let change = relative(response.rho_d, before.rho_d).max(relative(response.rho_t, before.rho_t));
         if change < best.change {
-            best = Answer { response, order, change };
+            best = FnSolution { response, order, change };
         }
         if change < tolerance {
             break;
@@ -46,12 +46,12 @@ pub fn solve(omega: f64, one_minus_omega: f64, delta: f64, tolerance: f64) -> An
 }
 
 /// ρd and ρt with polynomials up to `order` ≥ 1; NaN outside 0 ≤ ω ≤ 1, Δ ≥ 0.
-pub fn at_order(omega: f64, one_minus_omega: f64, delta: f64, order: usize) -> Response {
+pub fn at_order(omega: f64, one_minus_omega: f64, delta: f64, order: usize) -> SlabResponse {
     if !(omega >= 0.0 && one_minus_omega >= 0.0 && delta >= 0.0) {
-        return Response { rho_d: f64::NAN, rho_t: f64::NAN };
+        return SlabResponse { rho_d: f64::NAN, rho_t: f64::NAN };
     }
     if omega == 0.0 || delta == 0.0 {
-        return Response { rho_d: 0.0, rho_t: (-delta).exp() };
+        return SlabResponse { rho_d: 0.0, rho_t: (-delta).exp() };
     }
     let absorbed = one_minus_omega.max(CONSERVATIVE);
     let omega = omega.min(1.0 - CONSERVATIVE);
@@ -83,11 +83,11 @@ pub fn at_order(omega: f64, one_minus_omega: f64, delta: f64, order: usize) -> R
         rhs[n + row] = 0.5 * omega * slow * difference;
     }
     if !eliminate(&mut matrix, &mut rhs) {
-        return Response { rho_d: f64::NAN, rho_t: f64::NAN };
+        return SlabResponse { rho_d: f64::NAN, rho_t: f64::NAN };
     }
     // ∫ μ P_α dμ = ½, 1/6, 0, …
     let flux = |v: &[f64]| 0.5 * v[0] + v[1] / 6.0;
-    Response { rho_d: flux(&rhs[..n]), rho_t: (-delta).exp() + crossing * flux(&rhs[n..]) }
+    SlabResponse { rho_d: flux(&rhs[..n]), rho_t: (-delta).exp() + crossing * flux(&rhs[n..]) }
 }
 
 /// ν₀ > 1 with 1 = ω ν₀ artanh(1/ν₀), by Newton's method in k = 1/ν₀.

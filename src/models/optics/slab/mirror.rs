@@ -6,16 +6,16 @@
 
 /// The faces' reflectance for the beam; 0 for a slab of the index of its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mirror {
+pub struct FaceReflectance {
     r: f64,
     clear: f64,
 }
 
-impl Mirror {
+impl FaceReflectance {
     /// Faces between air and `index` ≥ 1, for a beam along the normal; 1 reflects nothing.
-    pub fn of_index(index: f64) -> Mirror {
+    pub fn of_index(index: f64) -> FaceReflectance {
         let r = ((index - 1.0) / (index + 1.0)).powi(2);
-        Mirror { r, clear: (1.0 - r) / (1.0 + r) }
+        FaceReflectance { r, clear: (1.0 - r) / (1.0 + r) }
     }
 
     /// Whether the faces reflect nothing.
@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn every_form_is_the_slab_that_only_absorbs() {
         for index in [1.0, 1.2, 1.41, 2.0] {
-            let mirror = Mirror::of_index(index);
+            let mirror = FaceReflectance::of_index(index);
             let r = mirror.face();
             for y in [1e-9_f64, 0.03, 0.4, 0.9, 0.999] {
                 let t = (1.0 - r).powi(2) * y / (1.0 - r * r * y * y);

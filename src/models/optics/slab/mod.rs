@@ -15,22 +15,22 @@
 
 pub mod chebyshev;
 pub mod curve;
-pub mod exact;
 pub mod expint;
 pub mod faces;
 pub mod fn_method;
 pub mod inverse;
+pub mod medium;
 pub mod mirror;
 pub mod ordinates;
 pub mod quadrature;
 mod roots;
 pub mod table;
-pub mod thin;
+pub mod thin_slab;
 pub mod verdict;
 
 /// Diffuse reflectance and total transmittance of the slab.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Response {
+pub struct SlabResponse {
     /// Diffuse reflectance ρd.
     pub rho_d: f64,
     /// Transmittance ρt of a beam along the normal.
@@ -39,24 +39,24 @@ pub struct Response {
 
 /// Derivatives of a [`Response`] with respect to σa (mm), σs (mm) and the thickness (1/mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Partials {
+pub struct SlabPartials {
     /// By σa.
-    pub sigma_a: Response,
+    pub sigma_a: SlabResponse,
     /// By σs.
-    pub sigma_s: Response,
+    pub sigma_s: SlabResponse,
     /// By the thickness.
-    pub thickness: Response,
+    pub thickness: SlabResponse,
 }
 
-impl Response {
-    const UNKNOWN: Response = Response { rho_d: f64::NAN, rho_t: f64::NAN };
+impl SlabResponse {
+    const UNKNOWN: SlabResponse = SlabResponse { rho_d: f64::NAN, rho_t: f64::NAN };
 }
 
 /// ρd and ρt; σ in 1/mm, thickness in mm, all ≥ 0 and finite (NaN otherwise).
 ///
 /// Relative error of both below 1e-8 (2e-10 for Δ < 4, and for ρt down to 1e-30); a beam that meets nothing passes
 /// unchanged.
-pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
+pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> SlabResponse {
     let mut r = response_with_partials(sigma_a, sigma_s, thickness_mm).0;
     let depth = (sigma_a + sigma_s) * thickness_mm;
     // Where almost nothing comes through, the table loses its digits; but ρt is at least the light that meets nothing.
@@ -67,30 +67,34 @@ pub fn response(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> Response {
 }
 
 /// [`response`] and its derivatives.
-pub fn response_with_partials(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> (Response, Partials) {
+pub fn response_with_partials(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> (SlabResponse, SlabPartials) {
     let sigma_t = sigma_a + sigma_s;
     if !(sigma_a >= 0.0 && sigma_s >= 0.0 && thickness_mm >= 0.0 && (sigma_t * thickness_mm).is_finite()) {
         return (
-            Response::UNKNOWN,
-            Partials { sigma_a: Response::UNKNOWN, sigma_s: Response::UNKNOWN, thickness: Response::UNKNOWN },
+            SlabResponse::UNKNOWN,
+            SlabPartials {
+                sigma_a: SlabResponse::UNKNOWN,
+                sigma_s: SlabResponse::UNKNOWN,
+                thickness: SlabResponse::UNKNOWN,
+            },
         );
     }
     if sigma_t == 0.0 {
-        let partials = Partials {
-            sigma_a: Response { rho_d: 0.0, rho_t: -thickness_mm },
-            sigma_s: Response { rho_d: 0.5 * thickness_mm, rho_t: -0.5 * thickness_mm },
-            thickness: Response { rho_d: 0.0, rho_t: 0.0 },
+        let partials = SlabPartials {
+            sigma_a: SlabResponse { rho_d: 0.0, rho_t: -thickness_mm },
+            sigma_s: SlabResponse { rho_d: 0.5 * thickness_mm, rho_t: -0.5 * thickness_mm },
+            thickness: SlabResponse { rho_d: 0.0, rho_t: 0.0 },
         };
-        return (Response { rho_d: 0.0, rho_t: 1.0 }, partials);
+        return (SlabResponse { rho_d: 0.0, rho_t: 1.0 }, partials);
     }
     let (omega, absorbed) = (sigma_s / sigma_t, sigma_a / sigma_t);
     let (at, d) = reduced(omega, absorbed, sigma_t * thickness_mm);
     // ω, 1−ω and Δ by σa, σs and h
-    let along = |absorbed_by: f64, delta_by: f64| Response {
+    let along = |absorbed_by: f64, delta_by: f64| SlabResponse {
         rho_d: d[0].rho_d * absorbed_by + d[1].rho_d * delta_by,
         rho_t: d[0].rho_t * absorbed_by + d[1].rho_t * delta_by,
     };
-    let partials = Partials {
+    let partials = SlabPartials {
         sigma_a: along(omega / sigma_t, thickness_mm),
         sigma_s: along(-absorbed / sigma_t, thickness_mm),
         thickness: along(0.0, sigma_t),
@@ -100,18 +104,18 @@ pub fn response_with_partials(sigma_a: f64, sigma_s: f64, thickness_mm: f64) -> 
 
 /// ρd and ρt at single-scattering albedo ω (1 − ω is passed separately) and optical thickness Δ > 0, with the
 /// derivatives by 1−ω and by Δ.
-pub fn reduced(omega: f64, one_minus_omega: f64, delta: f64) -> (Response, [Response; 2]) {
+pub fn reduced(omega: f64, one_minus_omega: f64, delta: f64) -> (SlabResponse, [SlabResponse; 2]) {
     if !(table::DELTA_MIN..=table::DELTA_MAX).contains(&delta) {
         return beyond_table(omega, one_minus_omega, delta);
     }
-    let s = table::Table::committed().at(one_minus_omega, delta);
+    let s = table::SlabTable::committed().at(one_minus_omega, delta);
     // ρd = ω h(Δ) G₁ with h = Δ/(1+Δ); ρt = e^(−Δ G₂)
     let h = delta / (1.0 + delta);
     let h_by = h / (delta * (1.0 + delta));
-    let mut at = Response { rho_d: omega * h * s.g[0], rho_t: (-delta * s.g[1]).exp() };
+    let mut at = SlabResponse { rho_d: omega * h * s.g[0], rho_t: (-delta * s.g[1]).exp() };
     let by_absorbed =
-        Response { rho_d: h * (omega * s.by_absorbed[0] - s.g[0]), rho_t: -at.rho_t * delta * s.by_absorbed[1] };
-    let by_delta = Response {
+        SlabResponse { rho_d: h * (omega * s.by_absorbed[0] - s.g[0]), rho_t: -at.rho_t * delta * s.by_absorbed[1] };
+    let by_delta = SlabResponse {
         rho_d: omega * (h_by * s.g[0] + h * s.by_delta[0]),
         rho_t: -at.rho_t * (s.g[1] + delta * s.by_delta[1]),
     };
@@ -121,7 +125,7 @@ pub fn reduced(omega: f64, one_minus_omega: f64, delta: f64) -> (Response, [Resp
     (at, [by_absorbed, by_delta])
 }
 
-impl Response {
+impl SlabResponse {
     /// Light that is not reflected is transmitted. The smaller of the two keeps its relative accuracy.
     pub(crate) fn conserve(&mut self) {
         if self.rho_d < self.rho_t { self.rho_t = 1.0 - self.rho_d } else { self.rho_d = 1.0 - self.rho_t }
@@ -130,16 +134,16 @@ impl Response {
 
 /// Slabs thinner than the table's range use a series expansion. Thicker ones use the exact solution with central
 /// differences; it is smooth there, and rarely needed.
-fn beyond_table(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
+fn beyond_table(omega: f64, absorbed: f64, delta: f64) -> (SlabResponse, [SlabResponse; 2]) {
     if delta < table::DELTA_MIN {
         return table::thin_series(omega, absorbed, delta);
     }
-    let f = |a: f64, d: f64| exact::solve(1.0 - a, a, d);
-    let difference = |low: Response, high: Response, width: f64| Response {
+    let f = |a: f64, d: f64| medium::solve(1.0 - a, a, d);
+    let difference = |low: SlabResponse, high: SlabResponse, width: f64| SlabResponse {
         rho_d: (high.rho_d - low.rho_d) / width,
         rho_t: (high.rho_t - low.rho_t) / width,
     };
-    let at = exact::solve(omega, absorbed, delta);
+    let at = medium::solve(omega, absorbed, delta);
     let step = (1e-3 * absorbed).max(1e-4 / (delta * delta));
     let (low, high) = ((absorbed - step).max(0.0), (absorbed + step).min(1.0));
     let by_absorbed = difference(f(low, delta), f(high, delta), high - low);

@@ -93,7 +93,7 @@ impl<const N: usize> Eigen<N> {
 }
 
 /// The modes e^(−kτ) of one single-scattering albedo, and the coefficients of one boundary.
-pub struct Modes<const N: usize> {
+pub struct OrdinateModes<const N: usize> {
     /// In ascending order; k[0] may be 0.
     k: [f64; N],
     /// Π_i(1−k_αμ_i) / Π_{β≠α,0}(1−k_α/k_β): the half space's amplitudes, without the factor of mode 0
@@ -104,9 +104,9 @@ pub struct Modes<const N: usize> {
     extrapolation: f64,
 }
 
-impl<const N: usize> Modes<N> {
+impl<const N: usize> OrdinateModes<N> {
     /// Modes of albedo `omega` > 0. `absorbed` = 1 − omega is passed separately so that it keeps its digits.
-    fn new(o: &Ordinates<N>, omega: f64, absorbed: f64) -> Modes<N> {
+    fn new(o: &Ordinates<N>, omega: f64, absorbed: f64) -> OrdinateModes<N> {
         let Eigen { k, d } = Eigen::new(o, omega, absorbed);
         let (mut a, mut b) = ([0.0; N], [0.0; N]);
         let inverse_k: [f64; N] = std::array::from_fn(|i| if i == 0 { 0.0 } else { 1.0 / k[i] });
@@ -134,7 +134,7 @@ impl<const N: usize> Modes<N> {
             let apart = (d[0][i] - d[i][i]) / (1.0 - d[i][i]);
             extrapolation += 2.0 * (atanh_over(k0, o.mu[i], d[0][i]) - atanh_over(k0, 1.0 / k[i], apart));
         }
-        Modes { k, a, b, extrapolation }
+        OrdinateModes { k, a, b, extrapolation }
     }
 
     /// Half-space amplitude of mode α.
@@ -326,13 +326,13 @@ fn solve_dense(mut m: Vec<f64>, mut v: Vec<f64>) -> Vec<f64> {
 }
 
 /// The modes of albedo ω; 1 − ω is passed separately.
-pub(crate) fn modes(omega: f64, absorbed: f64) -> Modes<N> {
-    Modes::new(ordinates(), omega, absorbed)
+pub(crate) fn modes(omega: f64, absorbed: f64) -> OrdinateModes<N> {
+    OrdinateModes::new(ordinates(), omega, absorbed)
 }
 
 /// A solver with `K` ordinates in a hemisphere, for the sweep over their number. It takes (ω, 1 − ω, Δ), with the beam
 /// along the normal.
 pub fn with_ordinates<const K: usize>() -> impl Fn(f64, f64, f64) -> (f64, f64) {
     let o: Box<Ordinates<K>> = Ordinates::new();
-    move |omega, absorbed, delta| Modes::new(&o, omega, absorbed).response(delta, 1.0)
+    move |omega, absorbed, delta| OrdinateModes::new(&o, omega, absorbed).response(delta, 1.0)
 }

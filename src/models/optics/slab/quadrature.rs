@@ -2,7 +2,7 @@
 
 /// One node and its weight.
 #[derive(Debug, Clone, Copy)]
-pub struct Node {
+pub struct QuadratureNode {
     /// Place of the node.
     pub x: f64,
     /// Its weight.
@@ -10,8 +10,8 @@ pub struct Node {
 }
 
 /// The `n`-point Gauss–Legendre rule on (0, 1), ascending; the weights sum to 1.
-pub fn gauss(n: usize) -> Vec<Node> {
-    mesophyll_base::quadrature::unit(n).into_iter().map(|(x, w)| Node { x, w }).collect()
+pub fn gauss(n: usize) -> Vec<QuadratureNode> {
+    mesophyll_base::quadrature::unit(n).into_iter().map(|(x, w)| QuadratureNode { x, w }).collect()
 }
 
 /// Shifted Legendre polynomials P*_0 … P*_{n−1} at x in [0, 1].

@@ -23,7 +23,7 @@ fn integral_equation_and_ordinates_agree_where_both_are_good() {
         let (omega, absorbed) = albedo(&mut rng);
         let delta = log_uniform(&mut rng, 0.03, 0.12);
         let mu0 = if rng.random::<f64>() < 0.5 { 1.0 } else { 0.5 + 0.5 * rng.random::<f64>() };
-        let a = thin::solve(omega, delta, mu0);
+        let a = thin_slab::solve(omega, delta, mu0);
         let (rho_d, log_t) = ordinates::modes(omega, absorbed).response(delta, mu0);
         assert!((rho_d / a.rho_d - 1.0).abs() < 3e-10, "ω {omega} Δ {delta} μ₀ {mu0}: ρd {} {rho_d}", a.rho_d);
         assert!((log_t - a.rho_t.ln()).abs() < 3e-10, "ω {omega} Δ {delta} μ₀ {mu0}: ρt {} {}", a.rho_t, log_t.exp());
@@ -59,7 +59,7 @@ fn half_space_agrees_with_chandrasekhar() {
     for omega in [1e-3_f64, 0.1, 0.5, 0.9, 0.99, 0.9999] {
         for mu0 in [1.0, 0.6, 0.1] {
             let want = 1.0 - (1.0 - omega).sqrt() * chandrasekhar_h(omega, mu0);
-            let got = exact::solve_at(mu0, omega, 1.0 - omega, 3000.0).rho_d;
+            let got = medium::solve_at(mu0, omega, 1.0 - omega, 3000.0).rho_d;
             assert!((got / want - 1.0).abs() < 1e-9, "ω {omega} μ₀ {mu0}: {got} {want}");
         }
     }
@@ -70,7 +70,7 @@ fn conservative_slab_tends_to_the_milne_problem() {
     // ω = 1, thick: ρt → H(1) / (√3 (Δ + 2 · 0.710446089598763)), Hopf's extrapolated distance.
     let hopf = 0.710_446_089_598_763;
     for delta in [50.0, 300.0, 1000.0] {
-        let r = exact::solve(1.0, 0.0, delta);
+        let r = medium::solve(1.0, 0.0, delta);
         let want = chandrasekhar_h(1.0, 1.0) / (3.0_f64.sqrt() * (delta + 2.0 * hopf));
         assert!((r.rho_t / want - 1.0).abs() < 1e-9, "Δ {delta}: {} {want}", r.rho_t);
         assert!(r.rho_d + r.rho_t == 1.0);
@@ -101,7 +101,7 @@ fn monte_carlo_agrees() {
             }
         }
         let n = f64::from(photons);
-        let r = exact::solve(omega, 1.0 - omega, delta);
+        let r = medium::solve(omega, 1.0 - omega, delta);
         for (got, want) in [(up / n, r.rho_d), (down / n, r.rho_t)] {
             // weights are at most 1, so the standard error is below √(p(1−p)/n)
             let sd = (want * (1.0 - want) / n).sqrt();
@@ -113,20 +113,20 @@ fn monte_carlo_agrees() {
 #[test]
 fn exact_limits() {
     for delta in [0.0, 1e-6, 1.0, 60.0, 700.0, 1e4] {
-        let r = exact::solve(0.0, 1.0, delta);
+        let r = medium::solve(0.0, 1.0, delta);
         assert_eq!((r.rho_d, r.rho_t), (0.0, (-delta).exp()));
-        let r = exact::solve(1.0, 0.0, delta);
+        let r = medium::solve(1.0, 0.0, delta);
         assert!((r.rho_d + r.rho_t - 1.0).abs() <= f64::EPSILON, "{r:?}");
     }
     // A weak scatterer: e^(−Δ) (1 + first order), and the first order of ρd is (ω/2) ∫ E₂ e^(−τ).
-    let r = exact::solve(1e-12, 1.0 - 1e-12, 60.0);
+    let r = medium::solve(1e-12, 1.0 - 1e-12, 60.0);
     assert!((r.rho_t / (-60.0_f64).exp() - 1.0).abs() < 1e-9);
     assert!((r.rho_d / (0.5e-12 * (1.0 - 2.0_f64.ln())) - 1.0).abs() < 1e-9, "{}", r.rho_d);
     for bad in [
-        exact::solve(1.2, -0.2, 1.0),
-        exact::solve(f64::NAN, 0.0, 1.0),
-        exact::solve(0.5, 0.5, -1.0),
-        exact::solve_at(0.0, 0.5, 0.5, 1.0),
+        medium::solve(1.2, -0.2, 1.0),
+        medium::solve(f64::NAN, 0.0, 1.0),
+        medium::solve(0.5, 0.5, -1.0),
+        medium::solve_at(0.0, 0.5, 0.5, 1.0),
     ] {
         assert!(bad.rho_d.is_nan() && bad.rho_t.is_nan());
     }
@@ -139,7 +139,7 @@ fn deep_transmission_follows_the_diffusion_length() {
     for _ in 0..200 {
         k = (k / omega).tanh();
     }
-    let (a, b) = (exact::solve(omega, 0.1, 100.0).rho_t, exact::solve(omega, 0.1, 110.0).rho_t);
+    let (a, b) = (medium::solve(omega, 0.1, 100.0).rho_t, medium::solve(omega, 0.1, 110.0).rho_t);
     assert!(((b / a).ln() + 10.0 * k).abs() < 1e-9, "{a} {b}");
 }
 
@@ -149,7 +149,7 @@ fn fast_agrees_with_exact_everywhere() {
     for _ in 0..2500 {
         let (omega, absorbed) = albedo(&mut rng);
         let delta = log_uniform(&mut rng, 1e-8, 5e3);
-        let (fast, want) = (reduced(omega, absorbed, delta).0, exact::solve(omega, absorbed, delta));
+        let (fast, want) = (reduced(omega, absorbed, delta).0, medium::solve(omega, absorbed, delta));
         assert!(
             (fast.rho_d / want.rho_d - 1.0).abs() < 2e-8,
             "ω {omega} 1−ω {absorbed} Δ {delta}: ρd {} {}",
@@ -178,7 +178,7 @@ fn partials_agree_with_differences_of_the_exact_solution() {
         let h = 0.3;
         let (a, s) = (absorbed * delta / h, omega * delta / h);
         let (r, p) = response_with_partials(a, s, h);
-        let relative = |x: f64, f: &dyn Fn(f64) -> Response, got: Response| {
+        let relative = |x: f64, f: &dyn Fn(f64) -> SlabResponse, got: SlabResponse| {
             let e = 1e-4 / delta.max(1.0);
             let (lo, hi) = (f(x * (1.0 - e)), f(x * (1.0 + e)));
             // The error is taken as a change for each relative change of the parameter, relative to the size of the
@@ -195,9 +195,9 @@ fn partials_agree_with_differences_of_the_exact_solution() {
                 );
             }
         };
-        relative(a, &|x| exact::response(x, s, h), p.sigma_a);
-        relative(s, &|x| exact::response(a, x, h), p.sigma_s);
-        relative(h, &|x| exact::response(a, s, x), p.thickness);
+        relative(a, &|x| medium::response(x, s, h), p.sigma_a);
+        relative(s, &|x| medium::response(a, x, h), p.sigma_s);
+        relative(h, &|x| medium::response(a, s, x), p.thickness);
     }
 }
 
@@ -205,7 +205,7 @@ fn partials_agree_with_differences_of_the_exact_solution() {
 #[test]
 #[ignore = "rewrites data/slab/response.bin"]
 fn slab_table_is_made_again() {
-    let bytes = table::build::bytes(|line| println!("{line}"));
+    let bytes = table::construction::bytes(|line| println!("{line}"));
     std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../data/slab/response.bin"), bytes).unwrap();
 }
 
@@ -213,7 +213,7 @@ fn slab_table_is_made_again() {
 fn the_papers_method_agrees() {
     for delta in [0.02, 0.3, 1.0, 5.0, 40.0] {
         for (omega, absorbed) in [(0.05, 0.95), (0.5, 0.5), (0.9, 0.1), (0.999, 0.001), (1.0, 0.0)] {
-            let (got, want) = (fn_method::solve(omega, absorbed, delta, 1e-7), exact::solve(omega, absorbed, delta));
+            let (got, want) = (fn_method::solve(omega, absorbed, delta, 1e-7), medium::solve(omega, absorbed, delta));
             assert!((got.response.rho_d / want.rho_d - 1.0).abs() < 1e-5, "Δ {delta} ω {omega}: {got:?} {want:?}");
             assert!((got.response.rho_t / want.rho_t - 1.0).abs() < 1e-5, "Δ {delta} ω {omega}: {got:?} {want:?}");
         }

@@ -1,8 +1,8 @@
 //! ρd and ρt from ω and Δ by a named method, and whether the inputs make a slab: one row of what `eval slab` prints.
 
-use super::faces::Faces;
-use super::inverse::Model;
-use super::{Response, exact, fn_method};
+use super::faces::SlabFaces;
+use super::inverse::SlabModel;
+use super::{SlabResponse, fn_method, medium};
 use mesophyll_base::error::Status;
 
 /// How ρd and ρt are computed.
@@ -20,7 +20,7 @@ use mesophyll_base::error::Status;
     strum::EnumMessage,
 )]
 #[strum(serialize_all = "lowercase")]
-pub enum Method {
+pub enum SlabMethod {
     /// A table, 1e-8.
     #[default]
     Fast,
@@ -40,42 +40,42 @@ const SMALLEST: f64 = 1e-300;
 
 /// How slabs are computed: the method, the cosine of the beam (below 1 with [`Method::Exact`] only), and the slab's
 /// index (above 1 not with [`Method::Fn`]).
-pub struct Evaluator {
-    method: Method,
+pub struct SlabEvaluator {
+    method: SlabMethod,
     mu0: f64,
     faces: Option<Reflecting>,
 }
 
 /// A slab with reflecting faces, from a table or exactly.
 enum Reflecting {
-    Table(Box<Model>),
-    Exact(Box<Faces>),
+    Table(Box<SlabModel>),
+    Exact(Box<SlabFaces>),
 }
 
-impl Evaluator {
+impl SlabEvaluator {
     /// For slabs of `index` ≥ 1 in air. At index 1 the faces reflect nothing.
-    pub fn new(method: Method, mu0: f64, index: f64) -> Evaluator {
+    pub fn new(method: SlabMethod, mu0: f64, index: f64) -> SlabEvaluator {
         let faces = (index != 1.0).then(|| match method {
-            Method::Fast => Reflecting::Table(Box::new(Model::of_index(index))),
-            Method::Exact | Method::Fn => Reflecting::Exact(Box::new(Faces::new(index, mu0))),
+            SlabMethod::Fast => Reflecting::Table(Box::new(SlabModel::of_index(index))),
+            SlabMethod::Exact | SlabMethod::Fn => Reflecting::Exact(Box::new(SlabFaces::new(index, mu0))),
         });
-        Evaluator { method, mu0, faces }
+        SlabEvaluator { method, mu0, faces }
     }
 
     /// ρd and ρt of a slab of single-scattering albedo `omega` (0 to 1) and optical thickness `delta` ≥ 0, and the
     /// status. `one_minus_omega` is NaN where only ω is known; near ω = 1 it carries the digits. ρd and ρt are NaN
     /// where the status is [`Status::Refused`].
-    pub fn evaluate(&self, omega: f64, delta: f64, one_minus_omega: f64) -> (Response, Status) {
+    pub fn evaluate(&self, omega: f64, delta: f64, one_minus_omega: f64) -> (SlabResponse, Status) {
         let (omega, absorbed) = match albedo(omega, delta, one_minus_omega) {
             Ok(both) => both,
-            Err(why) => return (Response::UNKNOWN, Status::Refused(why)),
+            Err(why) => return (SlabResponse::UNKNOWN, Status::Refused(why)),
         };
         match (&self.faces, self.method) {
             (Some(Reflecting::Table(model)), _) => (model.response(omega, absorbed, delta), Status::Ok),
             (Some(Reflecting::Exact(faces)), _) => (faces.shares(omega, absorbed, delta).response(), Status::Ok),
-            (None, Method::Fast) => (super::reduced(omega, absorbed, delta).0, Status::Ok),
-            (None, Method::Exact) => (exact::solve_at(self.mu0, omega, absorbed, delta), Status::Ok),
-            (None, Method::Fn) => {
+            (None, SlabMethod::Fast) => (super::reduced(omega, absorbed, delta).0, Status::Ok),
+            (None, SlabMethod::Exact) => (medium::solve_at(self.mu0, omega, absorbed, delta), Status::Ok),
+            (None, SlabMethod::Fn) => {
                 let a = fn_method::solve(omega, absorbed, delta, FN_TOLERANCE);
                 if a.change <= FN_SETTLED {
                     (a.response, Status::Ok)

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 /// One leaf as maps of `width · height` texels.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Blade {
+pub struct BladeMaps {
     /// Texels a row.
     pub width: usize,
     /// Rows.
@@ -21,14 +21,14 @@ pub struct Blade {
     /// Thickness (mm, front's columns), positive on the leaf, 0 off it.
     pub thickness: Vec<f64>,
     /// The front, in its own columns.
-    pub front: Surface,
+    pub front: SurfaceMaps,
     /// The back, in its own columns.
-    pub back: Surface,
+    pub back: SurfaceMaps,
 }
 
 /// One side's maps in its own columns. Values off the leaf are not read.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Surface {
+pub struct SurfaceMaps {
     /// Height (mm) over the blade's mid plane, outward of this side.
     pub height: Vec<f64>,
     /// Unit normal in this side's image frame: x right, y up, z out of this side (positive).
@@ -53,16 +53,19 @@ pub struct LitSide<'a> {
     /// Thickness (mm), 0 off the leaf.
     pub thickness: Cow<'a, [f64]>,
     /// Heights, normals and share of light that enters.
-    pub surface: &'a Surface,
+    pub surface: &'a SurfaceMaps,
 }
 
-impl Blade {
+impl BladeMaps {
     /// A flat blade of one thickness that covers the whole map.
-    pub fn flat(width: usize, height: usize, texel_mm: f64, thickness_mm: f64, entry: f64) -> Blade {
+    pub fn flat(width: usize, height: usize, texel_mm: f64, thickness_mm: f64, entry: f64) -> BladeMaps {
         let n = width * height;
-        let side =
-            Surface { height: vec![0.5 * thickness_mm; n], normal: vec![[0.0, 0.0, 1.0]; n], entry: vec![entry; n] };
-        Blade {
+        let side = SurfaceMaps {
+            height: vec![0.5 * thickness_mm; n],
+            normal: vec![[0.0, 0.0, 1.0]; n],
+            entry: vec![entry; n],
+        };
+        BladeMaps {
             width,
             height,
             texel_mm,
@@ -83,19 +86,19 @@ impl Blade {
         mask: Vec<bool>,
         heights: [Vec<f64>; 2],
         entry: [Vec<f64>; 2],
-    ) -> Blade {
+    ) -> BladeMaps {
         let [front, back] = heights;
         let thickness = thickness(&mask, &front, &back, width);
         let seen = mirror(&mask, width);
         let [enters_front, enters_back] = entry;
         let normals = |z: &[f64], mask: &[bool]| super::relief::normals(z, mask, width, height, texel_mm);
-        let front = Surface { normal: normals(&front, &mask), height: front, entry: enters_front };
-        let back = Surface { normal: normals(&back, &seen), height: back, entry: enters_back };
-        Blade { width, height, texel_mm, mask, thickness, front, back }
+        let front = SurfaceMaps { normal: normals(&front, &mask), height: front, entry: enters_front };
+        let back = SurfaceMaps { normal: normals(&back, &seen), height: back, entry: enters_back };
+        BladeMaps { width, height, texel_mm, mask, thickness, front, back }
     }
 
     /// One side, in its own columns.
-    pub fn surface(&self, side: Side) -> &Surface {
+    pub fn surface(&self, side: Side) -> &SurfaceMaps {
         match side {
             Side::Front => &self.front,
             Side::Back => &self.back,
@@ -206,13 +209,13 @@ mod tests {
     use super::*;
 
     /// A blade whose sides differ and whose mask is not symmetric.
-    fn lopsided() -> Blade {
+    fn lopsided() -> BladeMaps {
         let (w, h) = (7, 5);
         let mask: Vec<bool> = (0..w * h).map(|k| k % w > 1 && k / w > 0).collect();
         let front: Vec<f64> = (0..w * h).map(|k| 0.1 + 0.01 * (k % w) as f64).collect();
         // In the image of the back's camera it rises to the right, which is to the left in the front's image.
         let back: Vec<f64> = (0..w * h).map(|k| 0.2 + 0.03 * (k % w) as f64).collect();
-        Blade::from_heights(w, h, 0.5, mask, [front, back], [vec![0.9; w * h], vec![0.8; w * h]])
+        BladeMaps::from_heights(w, h, 0.5, mask, [front, back], [vec![0.9; w * h], vec![0.8; w * h]])
     }
 
     #[test]
@@ -240,7 +243,7 @@ mod tests {
 
     #[test]
     fn bad_maps_are_named() {
-        let check = |spoil: &dyn Fn(&mut Blade), word: &str| {
+        let check = |spoil: &dyn Fn(&mut BladeMaps), word: &str| {
             let mut blade = lopsided();
             spoil(&mut blade);
             let sentence = blade.validate().unwrap_err();

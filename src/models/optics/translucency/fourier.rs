@@ -5,7 +5,7 @@
 //! it is stored, and the two maps of a transform never have to be separated.
 
 use super::kernel::Kernel;
-use mesophyll_base::fourier::{Complex, Transform, forward, inverse};
+use mesophyll_base::fourier::{Complex, FourierTransform, forward, inverse};
 use rayon::prelude::*;
 
 /// Columns taken at a time.
@@ -22,8 +22,8 @@ pub(crate) struct Grid {
     /// Padded sizes, chosen so that nothing that leaves the map on one side comes back on the other.
     columns: usize,
     rows: usize,
-    along: [Transform; 2],
-    down: [Transform; 2],
+    along: [FourierTransform; 2],
+    down: [FourierTransform; 2],
 }
 
 impl std::fmt::Debug for Grid {

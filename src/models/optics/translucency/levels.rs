@@ -11,16 +11,16 @@ use std::f64::consts::PI;
 
 /// How many levels there are, and how the shape between them is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Levels {
+pub struct ThicknessLevels {
     /// How many levels, 1 or more.
     pub count: usize,
     /// How the shape between them is found.
     pub kind: LevelKind,
 }
 
-impl Default for Levels {
+impl Default for ThicknessLevels {
     fn default() -> Self {
-        Levels { count: 8, kind: LevelKind::Chebyshev }
+        ThicknessLevels { count: 8, kind: LevelKind::Chebyshev }
     }
 }
 

@@ -14,7 +14,7 @@ pub const PAPER: usize = 128;
 
 /// How directions are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rule {
+pub enum DirectionRule {
     /// One random direction in each of N cells of equal solid angle (H9 §3.3.9, "Shirley's square to hemisphere
     /// mapping"). Same seed, same directions.
     Stratified {
@@ -42,7 +42,7 @@ pub enum Rule {
 /// The rules that a fit offers, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum RuleKind {
+pub enum DirectionRuleKind {
     /// A spiral over the hemisphere
     #[default]
     Spiral,
@@ -50,63 +50,63 @@ pub enum RuleKind {
     Stratified,
 }
 
-impl RuleKind {
+impl DirectionRuleKind {
     /// The rule with this many directions.
-    pub fn rule(self, count: usize) -> Rule {
+    pub fn rule(self, count: usize) -> DirectionRule {
         match self {
-            RuleKind::Spiral => Rule::Spiral { count },
-            RuleKind::Stratified => Rule::Stratified { count, seed: 1 },
+            DirectionRuleKind::Spiral => DirectionRule::Spiral { count },
+            DirectionRuleKind::Stratified => DirectionRule::Stratified { count, seed: 1 },
         }
     }
 }
 
 /// Directions and their solid angles (sr).
 #[derive(Debug, Clone, PartialEq)]
-pub struct Lights {
+pub struct DirectionSet {
     /// Unit vectors towards the lights.
     pub directions: Vec<[f64; 3]>,
     /// Solid angle of each (sr); they sum to 2π.
     pub weights: Vec<f64>,
 }
 
-impl Default for Rule {
+impl Default for DirectionRule {
     fn default() -> Self {
-        Rule::Stratified { count: PAPER, seed: 1 }
+        DirectionRule::Stratified { count: PAPER, seed: 1 }
     }
 }
 
-impl Rule {
+impl DirectionRule {
     /// How many directions the rule has.
     pub fn count(self) -> usize {
         match self {
-            Rule::Stratified { count, .. } | Rule::Spiral { count } => count,
-            Rule::Product { levels, azimuths } => levels * azimuths,
+            DirectionRule::Stratified { count, .. } | DirectionRule::Spiral { count } => count,
+            DirectionRule::Product { levels, azimuths } => levels * azimuths,
         }
     }
 
     /// The rule in words, for tables.
     pub fn name(self) -> String {
         match self {
-            Rule::Stratified { count, seed } => {
+            DirectionRule::Stratified { count, seed } => {
                 format!("{count}, one at random in each of as many cells (seed {seed})")
             }
-            Rule::Product { levels, azimuths } => format!("{levels} heights by {azimuths} azimuths"),
-            Rule::Spiral { count } => format!("{count} on a spiral"),
+            DirectionRule::Product { levels, azimuths } => format!("{levels} heights by {azimuths} azimuths"),
+            DirectionRule::Spiral { count } => format!("{count} on a spiral"),
         }
     }
 }
 
-impl Lights {
+impl DirectionSet {
     /// The directions of a rule.
-    pub fn new(rule: Rule) -> Lights {
+    pub fn new(rule: DirectionRule) -> DirectionSet {
         match rule {
-            Rule::Stratified { count, seed } => stratified(count, seed),
-            Rule::Product { levels, azimuths } => product(levels, azimuths),
-            Rule::Spiral { count } => {
+            DirectionRule::Stratified { count, seed } => stratified(count, seed),
+            DirectionRule::Product { levels, azimuths } => product(levels, azimuths),
+            DirectionRule::Spiral { count } => {
                 let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
                 let directions =
                     (0..count).map(|k| raised((k as f64 + 0.5) / count as f64, golden * k as f64)).collect();
-                Lights { directions, weights: vec![TAU / count as f64; count] }
+                DirectionSet { directions, weights: vec![TAU / count as f64; count] }
             }
         }
     }
@@ -128,13 +128,13 @@ pub fn raised(z: f64, phi: f64) -> [f64; 3] {
     [s * phi.cos(), s * phi.sin(), z]
 }
 
-fn product(levels: usize, azimuths: usize) -> Lights {
+fn product(levels: usize, azimuths: usize) -> DirectionSet {
     let step = TAU / azimuths as f64;
     let places: Vec<_> = gauss(levels)
         .into_iter()
         .flat_map(|node| (0..azimuths).map(move |k| (node, (k as f64 + 0.5) * step)))
         .collect();
-    Lights {
+    DirectionSet {
         directions: places.iter().map(|(node, phi)| raised(node.x, *phi)).collect(),
         weights: places.iter().map(|(node, _)| node.w * step).collect(),
     }
@@ -142,7 +142,7 @@ fn product(levels: usize, azimuths: usize) -> Lights {
 
 /// The unit square is cut into about √N rows whose heights are proportional to their numbers of cells. This gives N
 /// nearly square cells of equal area for any N.
-fn stratified(count: usize, seed: u64) -> Lights {
+fn stratified(count: usize, seed: u64) -> DirectionSet {
     let mut rng = Pcg64::seed_from_u64(seed);
     let rows = ((count as f64).sqrt().round() as usize).max(1);
     let mut directions = Vec::with_capacity(count);
@@ -154,7 +154,7 @@ fn stratified(count: usize, seed: u64) -> Lights {
             directions.push(hemisphere(u, v));
         }
     }
-    Lights { weights: vec![TAU / count as f64; count], directions }
+    DirectionSet { weights: vec![TAU / count as f64; count], directions }
 }
 
 /// Maps the unit square to the hemisphere so that equal areas become equal solid angles: Shirley & Chiu's (1997)
@@ -174,29 +174,32 @@ pub fn hemisphere(u: f64, v: f64) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    fn rules() -> [Rule; 6] {
+    fn rules() -> [DirectionRule; 6] {
         [
-            Rule::default(),
-            Rule::Stratified { count: 127, seed: 9 },
-            Rule::Stratified { count: 1, seed: 9 },
-            Rule::Product { levels: 8, azimuths: 16 },
-            Rule::Product { levels: 3, azimuths: 7 },
-            Rule::Spiral { count: 128 },
+            DirectionRule::default(),
+            DirectionRule::Stratified { count: 127, seed: 9 },
+            DirectionRule::Stratified { count: 1, seed: 9 },
+            DirectionRule::Product { levels: 8, azimuths: 16 },
+            DirectionRule::Product { levels: 3, azimuths: 7 },
+            DirectionRule::Spiral { count: 128 },
         ]
     }
 
     #[test]
     fn directions_are_unit_and_cover_the_hemisphere() {
         for rule in rules() {
-            let lights = Lights::new(rule);
+            let lights = DirectionSet::new(rule);
             assert_eq!(lights.len(), rule.count());
             assert!((lights.weights.iter().sum::<f64>() - TAU).abs() < 1e-12);
             for d in &lights.directions {
                 assert!((d.iter().map(|c| c * c).sum::<f64>() - 1.0).abs() < 1e-13 && d[2] >= 0.0, "{d:?}");
             }
         }
-        assert_eq!(Lights::new(Rule::default()), Lights::new(Rule::default()));
-        assert_ne!(Lights::new(Rule::default()), Lights::new(Rule::Stratified { count: PAPER, seed: 2 }));
+        assert_eq!(DirectionSet::new(DirectionRule::default()), DirectionSet::new(DirectionRule::default()));
+        assert_ne!(
+            DirectionSet::new(DirectionRule::default()),
+            DirectionSet::new(DirectionRule::Stratified { count: PAPER, seed: 2 })
+        );
     }
 
     /// Cells have equal solid angle: the map's Jacobian, computed by differences, is 2π everywhere.
@@ -223,7 +226,7 @@ mod tests {
         // .0255).
         let means: Vec<f64> = (0..200)
             .map(|seed| {
-                let lights = Lights::new(Rule::Stratified { count: 128, seed });
+                let lights = DirectionSet::new(DirectionRule::Stratified { count: 128, seed });
                 lights.directions.iter().map(|d| d[2]).sum::<f64>() / 128.0
             })
             .collect();
@@ -234,7 +237,7 @@ mod tests {
 
     #[test]
     fn the_product_rule_is_exact_for_polynomials() {
-        let lights = Lights::new(Rule::Product { levels: 4, azimuths: 8 });
+        let lights = DirectionSet::new(DirectionRule::Product { levels: 4, azimuths: 8 });
         let integral = |f: &dyn Fn(&[f64; 3]) -> f64| {
             lights.directions.iter().zip(&lights.weights).map(|(d, w)| w * f(d)).sum::<f64>()
         };

@@ -13,7 +13,7 @@
 
 pub mod basis;
 pub mod blade;
-pub mod convolve;
+pub mod convolution;
 mod fourier;
 pub mod horizon;
 pub mod irradiance;

@@ -19,7 +19,7 @@ use std::f64::consts::PI;
 
 /// A thin tube from a texel, in the pass's frame (travel, tube, up).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Arc {
+pub struct TubeArc {
     /// Sine of the direction to the tube's nearest point, which is (sin, 0, cos).
     pub sin: f64,
     /// Cosine of that direction: its upward part.
@@ -32,7 +32,7 @@ pub struct Arc {
 
 /// An arc's share of a frame. Derivatives are with respect to a free vector n.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Sums {
+pub struct ArcSums {
     /// Diffuse response D.
     pub d: f64,
     /// ∂D/∂n.
@@ -45,9 +45,9 @@ pub struct Sums {
     pub s_n: [f64; 3],
 }
 
-impl Sums {
+impl ArcSums {
     /// Adds another share of the same frame.
-    pub fn add(&mut self, o: &Sums) {
+    pub fn add(&mut self, o: &ArcSums) {
         self.d += o.d;
         self.s += o.s;
         self.s_m += o.s_m;
@@ -60,7 +60,7 @@ impl Sums {
 
 /// Node sets of one precision.
 #[derive(Debug, Clone)]
-pub struct Rule {
+pub struct ArcRule {
     /// Gauss–Legendre on [−1, 1], for a lobe that the tube's ends cut.
     pub gauss: Vec<(f64, f64)>,
     /// Number of nodes of the trapezoid rule for a bell that fits between the ends: nodes k·step with |k| ≤ `bell`, in
@@ -73,19 +73,19 @@ pub struct Rule {
 /// The Gaussian tail beyond this many widths is left out: e^(−4.2²) = 2e-8.
 const TAIL: f64 = 4.2;
 
-impl Rule {
+impl ArcRule {
     /// `along` nodes on half the lobe.
-    pub fn new(along: usize) -> Rule {
+    pub fn new(along: usize) -> ArcRule {
         let bell = (along.max(2) / 2) as i32;
         // Aliasing e^(−π²/h²) and truncation e^(−((k+1)h)²) balance at h² = π/(k + 1).
-        Rule { gauss: symmetric(2 * along.max(1)), bell, step: (PI / f64::from(bell + 1)).sqrt() }
+        ArcRule { gauss: symmetric(2 * along.max(1)), bell, step: (PI / f64::from(bell + 1)).sqrt() }
     }
 }
 
-impl Arc {
+impl TubeArc {
     /// D and S of this arc for normal `n`, camera direction `c` and slope `m`.
-    pub fn integrate(&self, lobe: Lobe, n: [f64; 3], c: [f64; 3], m: f64, rule: &Rule) -> Sums {
-        let mut out = Sums::default();
+    pub fn integrate(&self, lobe: Lobe, n: [f64; 3], c: [f64; 3], m: f64, rule: &ArcRule) -> ArcSums {
+        let mut out = ArcSums::default();
         let b = dot(n, c);
         let a1 = n[0] * self.sin + n[2] * self.cos;
         let Some(ends) = self.visible(a1, n[1]) else { return out };
@@ -121,7 +121,7 @@ impl Arc {
 
     /// Where the horizon cuts the tube, the cut moves with the normal. So ∂S/∂n gets a term with the integrand at the
     /// cut.
-    fn horizon(&self, lobe: Lobe, n: [f64; 3], c: [f64; 3], m: f64, ends: [f64; 2], out: &mut Sums) {
+    fn horizon(&self, lobe: Lobe, n: [f64; 3], c: [f64; 3], m: f64, ends: [f64; 2], out: &mut ArcSums) {
         for (k, sign) in [(0, -1.0), (1, 1.0)] {
             if ends[k] == self.ends[k] {
                 continue;
@@ -160,7 +160,7 @@ struct Bow {
 }
 
 impl Bow {
-    fn new(arc: &Arc, n: [f64; 3], c: [f64; 3], b: f64, [s, q]: [[f64; 2]; 2], phi: [f64; 2]) -> Bow {
+    fn new(arc: &TubeArc, n: [f64; 3], c: [f64; 3], b: f64, [s, q]: [[f64; 2]; 2], phi: [f64; 2]) -> Bow {
         let (a1, c1) = (n[0] * arc.sin + n[2] * arc.cos, c[0] * arc.sin + c[2] * arc.cos);
         // Starts at the mirror direction 2 (n·c) n − c, projected on the arc's plane, and takes Newton steps on d
         // tan²α/dφ = 0.
@@ -204,7 +204,7 @@ impl Bow {
         }
     }
 
-    fn gloss(&self, lobe: Lobe, m: f64, scale: f64, rule: &Rule, out: &mut Sums) {
+    fn gloss(&self, lobe: Lobe, m: f64, scale: f64, rule: &ArcRule, out: &mut ArcSums) {
         let mut sums = Nodes::default();
         let m2 = m * m;
         if lobe.is_long_tailed() {
@@ -267,7 +267,7 @@ impl Bow {
         [self.limits[0].max(-tan[0]), self.limits[1].min(tan[1])]
     }
 
-    fn gauss(&self, lobe: Lobe, m: f64, [from, to]: [f64; 2], rule: &Rule, sums: &mut Nodes) {
+    fn gauss(&self, lobe: Lobe, m: f64, [from, to]: [f64; 2], rule: &ArcRule, sums: &mut Nodes) {
         let (mid, half) = (0.5 * (from + to), 0.5 * (to - from));
         if half <= 0.0 {
             return;

@@ -14,11 +14,11 @@
 //! **Limits.** The texel is a point and nothing shadows it. Interreflection and the camera's footprint are left out.
 
 pub mod arc;
-pub mod fast;
+pub mod evaluator;
 pub mod lanes;
 
 use crate::gloss::Lobe;
-pub use arc::{Arc, Sums};
+pub use arc::{ArcSums, TubeArc};
 use mesophyll_base::quadrature::symmetric;
 use serde::{Deserialize, Serialize};
 
@@ -63,29 +63,29 @@ impl Travel {
 /// Accuracy: the numbers of nodes along half the tube and across its radius. `Precision::default()` stays within 1e-5
 /// of the peak for m from .02 to .9; Cook–Torrance stays within 2e-4 where masking sets in.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Precision {
+pub struct TubePrecision {
     /// Gauss–Legendre nodes on the part of the tube that lights the lobe. Without symmetry there are twice as many.
     pub along: usize,
     /// Gauss–Legendre nodes across the tube's radius.
     pub across: usize,
 }
 
-impl Default for Precision {
+impl Default for TubePrecision {
     fn default() -> Self {
-        Precision { along: 8, across: 3 }
+        TubePrecision { along: 8, across: 3 }
     }
 }
 
-impl Precision {
+impl TubePrecision {
     /// For truth: 1e-8 and better.
     pub fn fine() -> Self {
-        Precision { along: 24, across: 8 }
+        TubePrecision { along: 24, across: 8 }
     }
 }
 
 /// What one frame shows of a texel: the diffuse and the glossy response per unit ρd and ρs, and their derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Response {
+pub struct TubeResponse {
     /// Diffuse response D, per unit ρd.
     pub d: f64,
     /// Glossy response S, per unit ρs.
@@ -101,27 +101,27 @@ pub struct Response {
 /// The plain evaluation of one frame in double precision, for any normal and any camera. It is the reference for the
 /// vectorised one.
 #[derive(Debug, Clone)]
-pub struct Model {
+pub struct TubeModel {
     /// The lamp.
     pub tube: Tube,
     /// Direction to the camera, a unit vector.
     pub camera: [f64; 3],
     /// The gloss lobe.
     pub lobe: Lobe,
-    rule: arc::Rule,
+    rule: arc::ArcRule,
     across: Vec<(f64, f64)>,
 }
 
-impl Model {
+impl TubeModel {
     /// `camera`: unit vector from the blade towards the camera.
-    pub fn new(tube: Tube, camera: [f64; 3], lobe: Lobe, precision: &Precision) -> Model {
+    pub fn new(tube: Tube, camera: [f64; 3], lobe: Lobe, precision: &TubePrecision) -> TubeModel {
         let across = if tube.radius_mm > 0.0 { symmetric(precision.across.max(1)) } else { symmetric(1) };
-        Model { tube, camera, lobe, rule: arc::Rule::new(precision.along), across }
+        TubeModel { tube, camera, lobe, rule: arc::ArcRule::new(precision.along), across }
     }
 
     /// The arcs that stand for the tube at `light_mm` (along the travel), seen from the texel at `texel_mm`, in the
     /// pass's own frame.
-    pub(crate) fn arcs(&self, travel: Travel, light_mm: f64, texel_mm: [f64; 2]) -> impl Iterator<Item = Arc> + '_ {
+    pub(crate) fn arcs(&self, travel: Travel, light_mm: f64, texel_mm: [f64; 2]) -> impl Iterator<Item = TubeArc> + '_ {
         let texel = travel.local([texel_mm[0], texel_mm[1], 0.0]);
         let x = light_mm - texel[0];
         let distance = x.hypot(self.tube.height_mm);
@@ -132,18 +132,18 @@ impl Model {
         let spread = if self.tube.radius_mm > 0.0 { beta / self.tube.radius_mm } else { 1.0 / distance };
         self.across.iter().map(move |&(node, weight)| {
             let (sin, cos) = (theta + beta * node).sin_cos();
-            Arc { sin, cos, ends, scale: 0.5 * weight * spread * self.tube.height_mm }
+            TubeArc { sin, cos, ends, scale: 0.5 * weight * spread * self.tube.height_mm }
         })
     }
 
     /// D, S and their derivatives for a normal `n` (unit) and slope `m` (> 0).
-    pub fn response(&self, travel: Travel, light_mm: f64, texel_mm: [f64; 2], n: [f64; 3], m: f64) -> Response {
+    pub fn response(&self, travel: Travel, light_mm: f64, texel_mm: [f64; 2], n: [f64; 3], m: f64) -> TubeResponse {
         let (normal, camera) = (travel.local(n), travel.local(self.camera));
-        let mut sum = Sums::default();
+        let mut sum = ArcSums::default();
         for arc in self.arcs(travel, light_mm, texel_mm) {
             sum.add(&arc.integrate(self.lobe, normal, camera, m, &self.rule));
         }
-        Response { d: sum.d, s: sum.s, s_m: sum.s_m, d_n: travel.local(sum.d_n), s_n: travel.local(sum.s_n) }
+        TubeResponse { d: sum.d, s: sum.s, s_m: sum.s_m, d_n: travel.local(sum.d_n), s_n: travel.local(sum.s_n) }
     }
 }
 

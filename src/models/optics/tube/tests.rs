@@ -1,4 +1,4 @@
-use super::fast::{COLUMNS, Lit, Pass};
+use super::evaluator::{COLUMNS, PassEvaluator, TubeGeometry};
 use super::*;
 use crate::gloss::dot;
 use mesophyll_base::processor::InstructionSet;
@@ -73,8 +73,10 @@ fn brute(lobe: Lobe, travel: Travel, light: f64, texel: [f64; 2], n: [f64; 3], m
 fn agrees_with_brute_force() {
     for lobe in LOBES {
         // Cook–Torrance has kinks, and the brute force does not split its range there.
-        let (model, bound) =
-            (Model::new(TUBE, camera(), lobe, &Precision::fine()), if lobe.index().is_some() { 1e-4 } else { 2e-6 });
+        let (model, bound) = (
+            TubeModel::new(TUBE, camera(), lobe, &TubePrecision::fine()),
+            if lobe.index().is_some() { 1e-4 } else { 2e-6 },
+        );
         for m in [0.03, 0.2, 0.9] {
             for (texel, [b, ty]) in PLACES {
                 for travel in [Travel::X, Travel::Y] {
@@ -104,7 +106,7 @@ fn agrees_with_brute_force() {
 fn thin_tube_closed_forms() {
     // G3; W §3: D in closed form; the white texel under an infinite tube at u = 0 is 1, under 500 mm .977.
     let thin = Tube { radius_mm: 0.0, ..TUBE };
-    let model = Model::new(thin, camera(), Lobe::Beckmann, &Precision::default());
+    let model = TubeModel::new(thin, camera(), Lobe::Beckmann, &TubePrecision::default());
     for (x, b) in [(-250.0, 0.1), (0.0, 0.0), (130.0, -0.2)] {
         let u: f64 = x / 100.0;
         let r = u.hypot(1.0);
@@ -114,8 +116,12 @@ fn thin_tube_closed_forms() {
     }
     for radius_mm in [0.0, 2.5] {
         for (length_mm, want, within) in [(500.0, 0.977, 5e-4), (1e9, 1.0, 1e-6)] {
-            let model =
-                Model::new(Tube { length_mm, radius_mm, ..TUBE }, camera(), Lobe::Beckmann, &Precision::default());
+            let model = TubeModel::new(
+                Tube { length_mm, radius_mm, ..TUBE },
+                camera(),
+                Lobe::Beckmann,
+                &TubePrecision::default(),
+            );
             let d = model.response(Travel::X, 0.0, [0.0; 2], normal(0.0, 0.0), 0.2).d;
             assert!((d - want).abs() < within, "radius {radius_mm}, length {length_mm}: {d}");
         }
@@ -124,7 +130,7 @@ fn thin_tube_closed_forms() {
 
 #[test]
 fn mirror_peak_and_passes_are_alike() {
-    let model = Model::new(TUBE, camera(), Lobe::Beckmann, &Precision::default());
+    let model = TubeModel::new(TUBE, camera(), Lobe::Beckmann, &TubePrecision::default());
     // Mirror peak at θ = 2b − θc.
     for b in [-0.05, 0.0, 0.1] {
         let x = 100.0 * (2.0 * b - 55f64.to_radians()).tan();
@@ -133,8 +139,8 @@ fn mirror_peak_and_passes_are_alike() {
     }
     // A camera in the y–z plane sees in pass y what a camera in the x–z plane sees in pass x.
     let c = camera();
-    let turned = Model::new(TUBE, [0.0, c[0], c[2]], Lobe::Ggx, &Precision::default());
-    let model = Model::new(TUBE, c, Lobe::Ggx, &Precision::default());
+    let turned = TubeModel::new(TUBE, [0.0, c[0], c[2]], Lobe::Ggx, &TubePrecision::default());
+    let model = TubeModel::new(TUBE, c, Lobe::Ggx, &TubePrecision::default());
     let (n, t) = (normal(0.1, -0.2), [12.0, -7.0]);
     let a = model.response(Travel::X, -130.0, t, n, 0.2);
     let b = turned.response(Travel::Y, -130.0, [t[1], t[0]], [n[1], n[0], n[2]], 0.2);
@@ -144,7 +150,7 @@ fn mirror_peak_and_passes_are_alike() {
 #[test]
 fn derivatives_against_differences() {
     for lobe in LOBES {
-        let model = Model::new(TUBE, camera(), lobe, &Precision::fine());
+        let model = TubeModel::new(TUBE, camera(), lobe, &TubePrecision::fine());
         for m in [0.05, 0.3, 0.8] {
             for (texel, [b, ty]) in PLACES {
                 for travel in [Travel::X, Travel::Y] {
@@ -153,7 +159,8 @@ fn derivatives_against_differences() {
                         let r = at(m, b, ty);
                         let [nb, ny] = slopes(b, ty);
                         let h = 1e-5;
-                        let diff = |p: Response, q: Response| [(p.d - q.d) / (2.0 * h), (p.s - q.s) / (2.0 * h)];
+                        let diff =
+                            |p: TubeResponse, q: TubeResponse| [(p.d - q.d) / (2.0 * h), (p.s - q.s) / (2.0 * h)];
                         let by_m = diff(at(m + h, b, ty), at(m - h, b, ty));
                         let by_b = diff(at(m, b + h, ty), at(m, b - h, ty));
                         let by_y = diff(at(m, b, ty + h), at(m, b, ty - h));
@@ -193,8 +200,8 @@ fn fast_agrees_with_the_reference() {
         (COOK_TORRANCE, thin, 1e-5, 6e-4),
         (COOK_TORRANCE, TUBE, 2e-4, f64::INFINITY),
     ] {
-        let fine = Model::new(tube, camera(), lobe, &Precision::fine());
-        let model = Model::new(tube, camera(), lobe, &Precision::default());
+        let fine = TubeModel::new(tube, camera(), lobe, &TubePrecision::fine());
+        let model = TubeModel::new(tube, camera(), lobe, &TubePrecision::default());
         for m in [0.02, 0.05, 0.12, 0.3, 0.6, 0.9] {
             for (texel, [b, ty]) in PLACES {
                 for travel in [Travel::X, Travel::Y] {
@@ -216,8 +223,9 @@ fn fast_agrees_with_the_reference() {
                         std::array::from_fn(|c| if c < 3 { most(c) } else { most(c).max(most((c + 1) % 2)) });
                     // A set that the processor lacks is answered by a smaller one.
                     for level in InstructionSet::ALL {
-                        let pass = Pass::new(&model, travel, &positions, Precision::default().along, level);
-                        let mut lit = Lit::default();
+                        let pass =
+                            PassEvaluator::new(&model, travel, &positions, TubePrecision::default().along, level);
+                        let mut lit = TubeGeometry::default();
                         pass.light(texel, &mut lit);
                         let mut columns = vec![vec![f64::NAN; pass.padded()]; COLUMNS];
                         let changes: &[[f64; 3]] = if ty == 0.0 && travel == Travel::X { &[nb] } else { &[nb, ny] };
@@ -247,19 +255,19 @@ fn frames_cut_by_the_horizon() {
     let tilts = [(-0.4, 0.6), (0.7, -0.5), (0.5, 0.75), (0.8, 0.0), (0.0, -0.9), (-0.35, 0.02)];
     let mut cut = 0;
     for lobe in LOBES {
-        let model = Model::new(TUBE, camera(), lobe, &Precision::default());
+        let model = TubeModel::new(TUBE, camera(), lobe, &TubePrecision::default());
         for (travel, (b, ty)) in [Travel::X, Travel::Y].into_iter().flat_map(|t| tilts.map(|tilt| (t, tilt))) {
             let (n, changes) = (normal(b, ty), slopes(b, ty));
-            let pass = Pass::new(&model, travel, &positions, 8, InstructionSet::detect());
-            let (mut lit, mut columns) = (Lit::default(), vec![vec![0.0; pass.padded()]; COLUMNS]);
+            let pass = PassEvaluator::new(&model, travel, &positions, 8, InstructionSet::detect());
+            let (mut lit, mut columns) = (TubeGeometry::default(), vec![vec![0.0; pass.padded()]; COLUMNS]);
             for (m, texel) in [(0.5, [5.0, 9.0]), (0.15, [-30.0, 20.0])] {
                 pass.light(texel, &mut lit);
                 let mut slices: [&mut [f64]; COLUMNS] =
                     columns.iter_mut().map(|c| &mut c[..]).collect::<Vec<_>>().try_into().unwrap();
                 pass.respond(&mut lit, n, &changes, m, &mut slices);
-                let responses: Vec<Response> =
+                let responses: Vec<TubeResponse> =
                     positions.iter().map(|&x| model.response(travel, x, texel, n, m)).collect();
-                let wanted = |r: &Response| {
+                let wanted = |r: &TubeResponse| {
                     let along = |v: [f64; 3], k: usize| dot(v, changes[k]);
                     [r.d, r.s, r.s_m, along(r.d_n, 0), along(r.s_n, 0), along(r.d_n, 1), along(r.s_n, 1)]
                 };
@@ -289,12 +297,12 @@ fn frames_cut_by_the_horizon() {
 #[test]
 fn passes_that_share_their_scratch_do_not_share_their_light() {
     let positions: Vec<f64> = (0..20).map(|k| -300.0 + 30.0 * f64::from(k)).collect();
-    let model = Model::new(TUBE, camera(), Lobe::Beckmann, &Precision::default());
+    let model = TubeModel::new(TUBE, camera(), Lobe::Beckmann, &TubePrecision::default());
     let (n, texel) = (normal(0.1, 0.2), [5.0, 9.0]);
-    let mut shared = Lit::default();
+    let mut shared = TubeGeometry::default();
     for travel in [Travel::X, Travel::Y] {
-        let pass = Pass::new(&model, travel, &positions, 8, InstructionSet::detect());
-        let [common, own] = [&mut shared, &mut Lit::default()].map(|lit| {
+        let pass = PassEvaluator::new(&model, travel, &positions, 8, InstructionSet::detect());
+        let [common, own] = [&mut shared, &mut TubeGeometry::default()].map(|lit| {
             pass.light(texel, lit);
             let mut columns = vec![vec![0.0; pass.padded()]; COLUMNS];
             let mut slices: [&mut [f64]; COLUMNS] =

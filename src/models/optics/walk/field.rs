@@ -9,7 +9,7 @@ use mesophyll_base::error::{Error, Result};
 
 /// What lies beyond the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Rim {
+pub enum FieldRim {
     /// The map repeats.
     Periodic,
     /// The heights of the rim continue outwards without end. Light starts over the map and a margin (mm) around it, and
@@ -23,13 +23,13 @@ pub enum Rim {
 /// Both faces of a leaf as the lit side's camera sees it: row-major, row 0 on top, `width · height` values each;
 /// heights in mm towards the light.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Field {
+pub struct LeafHeightField {
     width: usize,
     height: usize,
     texel_mm: f64,
     front: Vec<f64>,
     back: Vec<f64>,
-    rim: Rim,
+    rim: FieldRim,
     top: f64,
     bottom: f64,
 }
@@ -79,12 +79,19 @@ struct Patch {
     twist: f64,
 }
 
-impl Field {
+impl LeafHeightField {
     /// A leaf of `width` × `height` texels of `texel_mm` between two maps of heights (mm), row by row.
     ///
     /// # Errors
     /// Maps of another size, a height that is not a number, or a texel that is not positive.
-    pub fn new(width: usize, height: usize, texel_mm: f64, front: Vec<f64>, back: Vec<f64>, rim: Rim) -> Result<Field> {
+    pub fn new(
+        width: usize,
+        height: usize,
+        texel_mm: f64,
+        front: Vec<f64>,
+        back: Vec<f64>,
+        rim: FieldRim,
+    ) -> Result<LeafHeightField> {
         let cells = width * height;
         if cells == 0 || front.len() != cells || back.len() != cells {
             let found = (front.len(), back.len());
@@ -99,7 +106,7 @@ impl Field {
         if front.iter().chain(&back).any(|h| !h.is_finite()) {
             return Err(Error::Usage("random walk: a height is not a number".into()));
         }
-        if let Rim::Clamped { margin_mm } = rim
+        if let FieldRim::Clamped { margin_mm } = rim
             && !(margin_mm >= 0.0 && margin_mm.is_finite())
         {
             return Err(Error::Usage(format!("random walk: a margin of {margin_mm} mm, expected a number ≥ 0")));
@@ -107,7 +114,7 @@ impl Field {
         let all = || front.iter().chain(&back);
         let (top, bottom) =
             (all().copied().fold(f64::NEG_INFINITY, f64::max), all().copied().fold(f64::INFINITY, f64::min));
-        Ok(Field { width, height, texel_mm, front, back, rim, top, bottom })
+        Ok(LeafHeightField { width, height, texel_mm, front, back, rim, top, bottom })
     }
 
     /// Texels a row.
@@ -129,7 +136,7 @@ impl Field {
     /// map's upper left corner. Diffuse light (`None`) has the upstream part of light 80° from the vertical.
     pub(super) fn start(&self, d: Option<Direction>) -> ([f64; 2], [f64; 2]) {
         let size = [self.width as f64 * self.texel_mm, self.height as f64 * self.texel_mm];
-        let Rim::Clamped { margin_mm } = self.rim else { return ([0.0; 2], size) };
+        let FieldRim::Clamped { margin_mm } = self.rim else { return ([0.0; 2], size) };
         let drop = self.top - self.bottom;
         let mut low = [-margin_mm; 2];
         let mut high = [size[0] + margin_mm, size[1] + margin_mm];
@@ -161,8 +168,8 @@ impl Field {
         let (i, j) = (ray.i + i64::from(ray.u >= 0.5), ray.j + i64::from(ray.v >= 0.5));
         let (w, h) = (self.width as i64, self.height as i64);
         match self.rim {
-            Rim::Periodic => Some((j.rem_euclid(h) * w + i.rem_euclid(w)) as usize),
-            Rim::Clamped { .. } => ((0..w).contains(&i) && (0..h).contains(&j)).then(|| (j * w + i) as usize),
+            FieldRim::Periodic => Some((j.rem_euclid(h) * w + i.rem_euclid(w)) as usize),
+            FieldRim::Clamped { .. } => ((0..w).contains(&i) && (0..h).contains(&j)).then(|| (j * w + i) as usize),
         }
     }
 
@@ -178,8 +185,8 @@ impl Field {
     fn corners(&self, ray: &Ray) -> [usize; 4] {
         let along = |k: i64, n: usize| -> usize {
             match self.rim {
-                Rim::Periodic => k.rem_euclid(n as i64) as usize,
-                Rim::Clamped { .. } => k.clamp(0, n as i64 - 1) as usize,
+                FieldRim::Periodic => k.rem_euclid(n as i64) as usize,
+                FieldRim::Clamped { .. } => k.clamp(0, n as i64 - 1) as usize,
             }
         };
         let (i0, i1) = (along(ray.i, self.width), along(ray.i + 1, self.width));

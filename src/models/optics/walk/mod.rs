@@ -20,13 +20,13 @@ pub mod rough;
 pub mod slab;
 pub mod tally;
 
-pub use field::{Field, Rim};
-pub use relief::{Leaf, Light, ReliefWalk};
+pub use field::{FieldRim, LeafHeightField};
+pub use relief::{IncidentLight, ReliefLeaf, ReliefWalk};
 pub use slab::{Slab, SlabWalk};
-pub use tally::{Estimate, Histories};
+pub use tally::{Histories, HistoryEstimate};
 
 use mesophyll_base::error::{Error, Result};
-use rough::Rough;
+use rough::RoughSurface;
 
 /// A history with more collisions and crossings than this is given up and counted as lost.
 pub(crate) const EVENTS: u32 = 10_000_000;
@@ -89,7 +89,7 @@ pub enum Boundary {
         reflectance: f64,
     },
     /// A rough dielectric: refraction, reflection and total reflection at microfacets, both ways.
-    Rough(Rough),
+    Rough(RoughSurface),
 }
 
 impl Boundary {

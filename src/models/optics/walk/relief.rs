@@ -4,16 +4,16 @@
 //! where light left the unlit face for the last time. It is per area of a texel in the leaf's plane, not per area of
 //! its facet.
 
-use super::field::{Event, Field, Ray};
+use super::field::{Event, LeafHeightField, Ray};
 use super::phase::{self, Direction};
-use super::tally::{self, Estimate, Fates, Histories, Sum, Tally, uniform};
+use super::tally::{self, FluxFates, Histories, HistoryEstimate, ScoreSums, Tally, uniform};
 use super::{Boundary, EVENTS, Medium, survives};
 use mesophyll_base::error::{Error, Result};
 use rand_pcg::Pcg64;
 
 /// Where the light comes from, in the lit side's frame (x right, y up in its image, z out of the leaf).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Light {
+pub enum IncidentLight {
     /// Direction towards the light, z > 0; it is made a unit vector. Results are per irradiance of a plane that faces
     /// the light.
     Direction(Direction),
@@ -23,7 +23,7 @@ pub enum Light {
 
 /// The tissue and its faces.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Leaf {
+pub struct ReliefLeaf {
     /// What light travels in.
     pub medium: Medium,
     /// What the faces do to light.
@@ -39,41 +39,41 @@ pub struct ReliefWalk {
     /// How many histories were run.
     pub histories: u64,
     /// Share that was inside and leaves for good on the lit side.
-    pub reflected: Estimate,
+    pub reflected: HistoryEstimate,
     /// Share that leaves on the lit side without having entered (rough faces).
-    pub glossy: Estimate,
+    pub glossy: HistoryEstimate,
     /// Share that was inside and leaves for good on the unlit side.
-    pub transmitted: Estimate,
+    pub transmitted: HistoryEstimate,
     /// Share that reaches the unlit side without having entered: through holes.
-    pub passed: Estimate,
+    pub passed: HistoryEstimate,
     /// Share that the tissue absorbs.
-    pub absorbed: Estimate,
+    pub absorbed: HistoryEstimate,
     /// Share that was given up after [`EVENTS`] events.
-    pub lost: Estimate,
+    pub lost: HistoryEstimate,
     /// Sum of all the above; 1 except for the roulette.
-    pub balance: Estimate,
+    pub balance: HistoryEstimate,
     /// Flux that entered a second time or more often, summed over entries.
-    pub entered_again: Estimate,
+    pub entered_again: HistoryEstimate,
     /// Light that leaves the unlit face, for each texel.
-    pub exitance: Vec<Estimate>,
+    pub exitance: Vec<HistoryEstimate>,
     /// π times the mean radiance of each texel seen from straight in front of the unlit face, within 37° (cosine
     /// [`SEEN`]). It is the exitance where the light is Lambertian about the leaf's normal, and less where the face is
     /// tilted.
-    pub seen: Vec<Estimate>,
+    pub seen: Vec<HistoryEstimate>,
     /// Light that enters through the lit face for the first time, for each texel.
-    pub entering: Vec<Estimate>,
+    pub entering: Vec<HistoryEstimate>,
 }
 
 /// Cosine of the half angle of the cone over which [`ReliefWalk::seen`] is averaged.
 pub(crate) const SEEN: f64 = 0.8;
 
 struct Sums {
-    fates: Fates,
-    passed: Sum,
-    entered_again: Sum,
-    exitance: Vec<Sum>,
-    seen: Vec<Sum>,
-    entering: Vec<Sum>,
+    fates: FluxFates,
+    passed: ScoreSums,
+    entered_again: ScoreSums,
+    exitance: Vec<ScoreSums>,
+    seen: Vec<ScoreSums>,
+    entering: Vec<ScoreSums>,
 }
 
 impl Tally for Sums {
@@ -97,15 +97,15 @@ struct Particle {
     left: Option<usize>,
 }
 
-impl Leaf {
+impl ReliefLeaf {
     /// Walks `histories` through the leaf of this shape.
-    pub fn walk(&self, field: &Field, light: Light, histories: Histories) -> Result<ReliefWalk> {
+    pub fn walk(&self, field: &LeafHeightField, light: IncidentLight, histories: Histories) -> Result<ReliefWalk> {
         self.medium.check()?;
         self.boundary.check()?;
         // travel in the grid's frame: y runs down the rows
         let beam = match light {
-            Light::Diffuse => None,
-            Light::Direction(w) => {
+            IncidentLight::Diffuse => None,
+            IncidentLight::Direction(w) => {
                 let length = phase::dot(w, w).sqrt();
                 if !(w[2] > 0.0 && length.is_finite()) {
                     return Err(Error::Usage(format!(
@@ -118,12 +118,12 @@ impl Leaf {
         let (corner, size) = field.start(beam);
         let texels = field.width() * field.height();
         let empty = || Sums {
-            fates: Fates::default(),
-            passed: Sum::default(),
-            entered_again: Sum::default(),
-            exitance: vec![Sum::default(); texels],
-            seen: vec![Sum::default(); texels],
-            entering: vec![Sum::default(); texels],
+            fates: FluxFates::default(),
+            passed: ScoreSums::default(),
+            entered_again: ScoreSums::default(),
+            exitance: vec![ScoreSums::default(); texels],
+            seen: vec![ScoreSums::default(); texels],
+            entering: vec![ScoreSums::default(); texels],
         };
         let sums = tally::run(histories, empty, |rng, sums| {
             let d = beam.unwrap_or_else(|| {
@@ -136,7 +136,7 @@ impl Leaf {
         let n = histories.count;
         // One history carries the flux through the area of the start, divided by the number of histories.
         let per_texel = beam.map_or(1.0, |d| -d[2]) * size[0] * size[1] / (field.texel_mm() * field.texel_mm());
-        let map = |sums: &[Sum]| sums.iter().map(|s| s.mean(n).scaled(per_texel)).collect();
+        let map = |sums: &[ScoreSums]| sums.iter().map(|s| s.mean(n).scaled(per_texel)).collect();
         Ok(ReliefWalk {
             histories: n,
             reflected: sums.fates.reflected.mean(n),
@@ -153,7 +153,7 @@ impl Leaf {
         })
     }
 
-    fn history(&self, field: &Field, ray: Ray, rng: &mut Pcg64, sums: &mut Sums) {
+    fn history(&self, field: &LeafHeightField, ray: Ray, rng: &mut Pcg64, sums: &mut Sums) {
         let mut p = Particle { ray, weight: 1.0, absorbed: 0.0, entries: 0, again: 0.0, left: None };
         let end = self.follow(field, &mut p, rng, sums);
         let w = p.weight;
@@ -182,7 +182,7 @@ impl Leaf {
     }
 
     /// Follows the particle; `None` where it ends in the tissue.
-    fn follow(&self, field: &Field, p: &mut Particle, rng: &mut Pcg64, sums: &mut Sums) -> Option<Event> {
+    fn follow(&self, field: &LeafHeightField, p: &mut Particle, rng: &mut Pcg64, sums: &mut Sums) -> Option<Event> {
         let extinction = self.medium.extinction();
         for _ in 0..EVENTS {
             let inside = p.ray.inside();

@@ -2,8 +2,8 @@
 //! walk with inside tests.
 
 use super::phase::{henyey_greenstein, scattered};
-use super::rough::Rough;
-use super::slab::Entry;
+use super::rough::RoughSurface;
+use super::slab::EntryDirection;
 use super::tally::uniform;
 use super::*;
 use rand::SeedableRng;
@@ -15,12 +15,12 @@ fn histories(count: u64) -> Histories {
     Histories { count, seed: 11 }
 }
 
-fn agree(what: &str, a: Estimate, b: Estimate) {
+fn agree(what: &str, a: HistoryEstimate, b: HistoryEstimate) {
     assert!((a.value - b.value).abs() <= 4.0 * a.error.hypot(b.error) + 1e-12, "{what}: {a:?} {b:?}");
 }
 
-fn flat(n: usize, texel: f64, d: f64, rim: Rim) -> Field {
-    Field::new(n, n, texel, vec![0.3; n * n], vec![0.3 - d; n * n], rim).unwrap()
+fn flat(n: usize, texel: f64, d: f64, rim: FieldRim) -> LeafHeightField {
+    LeafHeightField::new(n, n, texel, vec![0.3; n * n], vec![0.3 - d; n * n], rim).unwrap()
 }
 
 /// A bumpy leaf whose faces differ: 7 × 5 texels of 0.1 mm, 0.08 to 0.3 mm thick.
@@ -31,9 +31,9 @@ fn bumpy() -> (Vec<f64>, Vec<f64>) {
     (front, back)
 }
 
-fn bumpy_field() -> Field {
+fn bumpy_field() -> LeafHeightField {
     let (front, back) = bumpy();
-    Field::new(7, 5, 0.1, front, back, Rim::Periodic).unwrap()
+    LeafHeightField::new(7, 5, 0.1, front, back, FieldRim::Periodic).unwrap()
 }
 
 /// Height of a periodic bilinear map at (x, y) mm, written independently of the march through cells.
@@ -54,13 +54,14 @@ fn a_flat_field_is_the_plane_slab() {
     for (boundary, spread) in [
         (MATCHED, false),
         (Boundary::Diffuse { reflectance: 0.4 }, true),
-        (Boundary::Rough(Rough { index: 1.4, slope: 0.3 }), false),
+        (Boundary::Rough(RoughSurface { index: 1.4, slope: 0.3 }), false),
     ] {
-        let entry = if spread { Entry::Diffuse } else { Entry::Beam([0.36, 0.48, 0.8]) };
+        let entry = if spread { EntryDirection::Diffuse } else { EntryDirection::Beam([0.36, 0.48, 0.8]) };
         let slab = Slab { medium, thickness_mm: d, boundary }.walk(entry, histories(30_000), &[]).unwrap();
-        for rim in [Rim::Periodic, Rim::Clamped { margin_mm: 1.0 }] {
-            let leaf = Leaf { medium, boundary, spread };
-            let got = leaf.walk(&flat(4, 0.25, d, rim), Light::Direction(direction), histories(30_000)).unwrap();
+        for rim in [FieldRim::Periodic, FieldRim::Clamped { margin_mm: 1.0 }] {
+            let leaf = ReliefLeaf { medium, boundary, spread };
+            let got =
+                leaf.walk(&flat(4, 0.25, d, rim), IncidentLight::Direction(direction), histories(30_000)).unwrap();
             let what = format!("{boundary:?} {rim:?}");
             agree(&what, got.transmitted, slab.transmitted);
             agree(&what, got.reflected, slab.reflected);
@@ -84,10 +85,11 @@ fn a_flat_field_is_the_plane_slab() {
             assert!((4.0..36.0).contains(&chi2), "{what}: χ² {chi2} over 16");
         }
     }
-    let slab =
-        Slab { medium, thickness_mm: d, boundary: MATCHED }.walk(Entry::Diffuse, histories(30_000), &[]).unwrap();
-    let leaf = Leaf { medium, boundary: MATCHED, spread: false };
-    let got = leaf.walk(&flat(1, 0.25, d, Rim::Periodic), Light::Diffuse, histories(30_000)).unwrap();
+    let slab = Slab { medium, thickness_mm: d, boundary: MATCHED }
+        .walk(EntryDirection::Diffuse, histories(30_000), &[])
+        .unwrap();
+    let leaf = ReliefLeaf { medium, boundary: MATCHED, spread: false };
+    let got = leaf.walk(&flat(1, 0.25, d, FieldRim::Periodic), IncidentLight::Diffuse, histories(30_000)).unwrap();
     agree("diffuse", got.transmitted, slab.transmitted);
     agree("diffuse map", got.exitance[0], slab.transmitted);
 }
@@ -96,9 +98,9 @@ fn a_flat_field_is_the_plane_slab() {
 #[test]
 fn rays_through_a_bumpy_absorber_are_as_long_as_brute_force_says() {
     let (front, back) = bumpy();
-    let leaf = Leaf { medium: Medium { sigma_a: 6.0, sigma_s: 0.0, g: 0.0 }, boundary: MATCHED, spread: false };
+    let leaf = ReliefLeaf { medium: Medium { sigma_a: 6.0, sigma_s: 0.0, g: 0.0 }, boundary: MATCHED, spread: false };
     for w in [[0.0, 0.0, 1.0], [0.8, 0.0, 0.6], [-0.5, 0.7, 0.2]] {
-        let got = leaf.walk(&bumpy_field(), Light::Direction(w), histories(100_000)).unwrap();
+        let got = leaf.walk(&bumpy_field(), IncidentLight::Direction(w), histories(100_000)).unwrap();
         let length = (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]).sqrt();
         let (n, steps) = (24, 160);
         let mut sum = 0.0;
@@ -126,10 +128,10 @@ fn rays_through_a_bumpy_absorber_are_as_long_as_brute_force_says() {
 }
 
 /// Woodcock's delta tracking in the bounding slab with inside tests: it uses no cells, roots or flags.
-fn delta_tracking(medium: Medium, toward: [f64; 3], count: u64) -> (Estimate, Estimate) {
+fn delta_tracking(medium: Medium, toward: [f64; 3], count: u64) -> (HistoryEstimate, HistoryEstimate) {
     let (front, back) = bumpy();
     let mut rng = Pcg64::seed_from_u64(77);
-    let (mut up, mut down) = (tally::Sum::default(), tally::Sum::default());
+    let (mut up, mut down) = (tally::ScoreSums::default(), tally::ScoreSums::default());
     let (high, low) = (0.2, -0.2);
     for _ in 0..count {
         let mut p = [0.7 * uniform(&mut rng), 0.5 * uniform(&mut rng), high];
@@ -166,8 +168,8 @@ fn a_bumpy_leaf_agrees_with_delta_tracking() {
     let medium = Medium { sigma_a: 1.0, sigma_s: 9.0, g: 0.2 };
     for toward in [[0.0, 0.0, 1.0], [0.8, 0.0, 0.6]] {
         let (up, down) = delta_tracking(medium, toward, 100_000);
-        let got = Leaf { medium, boundary: MATCHED, spread: false }
-            .walk(&bumpy_field(), Light::Direction(toward), histories(100_000))
+        let got = ReliefLeaf { medium, boundary: MATCHED, spread: false }
+            .walk(&bumpy_field(), IncidentLight::Direction(toward), histories(100_000))
             .unwrap();
         agree("reflected", got.reflected, up);
         agree("transmitted and passed", got.transmitted, down);
@@ -182,10 +184,10 @@ fn a_bumpy_leaf_agrees_with_delta_tracking() {
 fn the_lit_side_shadows_itself() {
     let n = 40;
     let ridge: Vec<f64> = (0..n).map(|k| 0.2 * (-((k as f64 - 19.5) / 3.0).powi(2)).exp()).collect();
-    let field = Field::new(n, 1, 0.05, ridge.clone(), vec![-0.2; n], Rim::Periodic).unwrap();
+    let field = LeafHeightField::new(n, 1, 0.05, ridge.clone(), vec![-0.2; n], FieldRim::Periodic).unwrap();
     let (sin, cos) = 75f64.to_radians().sin_cos();
-    let leaf = Leaf { medium: Medium { sigma_a: 0.0, sigma_s: 20.0, g: 0.0 }, boundary: MATCHED, spread: true };
-    let got = leaf.walk(&field, Light::Direction([sin, 0.0, cos]), histories(40_000)).unwrap();
+    let leaf = ReliefLeaf { medium: Medium { sigma_a: 0.0, sigma_s: 20.0, g: 0.0 }, boundary: MATCHED, spread: true };
+    let got = leaf.walk(&field, IncidentLight::Direction([sin, 0.0, cos]), histories(40_000)).unwrap();
     let h = |x: f64| height(&ridge, n, 1, 0.05, x, 0.0);
     let (mut chi2, mut dark) = (0.0, 0);
     for (k, e) in got.entering.iter().enumerate() {
@@ -222,17 +224,17 @@ fn a_hole_passes_light_and_an_inverted_leaf_is_no_leaf() {
             (front[j * n + i], back[j * n + i]) = (0.0, 0.0);
         }
     }
-    let leaf = Leaf {
+    let leaf = ReliefLeaf {
         medium: Medium { sigma_a: 1e4, sigma_s: 0.0, g: 0.0 },
         boundary: Boundary::Diffuse { reflectance: 0.2 },
         spread: true,
     };
-    let field = Field::new(n, n, texel, front.clone(), back.clone(), Rim::Periodic).unwrap();
-    let got = leaf.walk(&field, Light::Direction([0.0, 0.0, 1.0]), histories(20_000)).unwrap();
+    let field = LeafHeightField::new(n, n, texel, front.clone(), back.clone(), FieldRim::Periodic).unwrap();
+    let got = leaf.walk(&field, IncidentLight::Direction([0.0, 0.0, 1.0]), histories(20_000)).unwrap();
     // Four of ten columns have no tissue at all; wedges of tissue lead to the others.
     assert!((got.passed.value - 0.4).abs() < 4.0 * got.passed.error, "{:?}", got.passed);
-    let field = Field::new(n, n, texel, back, front, Rim::Periodic).unwrap();
-    let got = leaf.walk(&field, Light::Direction([0.5, 0.1, 0.3]), histories(2000)).unwrap();
+    let field = LeafHeightField::new(n, n, texel, back, front, FieldRim::Periodic).unwrap();
+    let got = leaf.walk(&field, IncidentLight::Direction([0.5, 0.1, 0.3]), histories(2000)).unwrap();
     assert!((got.passed.value - 1.0).abs() < 1e-12, "{:?}", got.passed);
 }
 
@@ -241,16 +243,16 @@ fn a_hole_passes_light_and_an_inverted_leaf_is_no_leaf() {
 fn diffuse_light_passes_alike_both_ways() {
     let (front, back) = bumpy();
     let negated = |map: &[f64]| map.iter().map(|h| -h).collect::<Vec<_>>();
-    let turned = Field::new(7, 5, 0.1, negated(&back), negated(&front), Rim::Periodic).unwrap();
+    let turned = LeafHeightField::new(7, 5, 0.1, negated(&back), negated(&front), FieldRim::Periodic).unwrap();
     let medium = Medium { sigma_a: 1.0, sigma_s: 9.0, g: 0.5 };
     for (boundary, spread) in [
         (MATCHED, false),
-        (Boundary::Rough(Rough { index: 1.4, slope: 0.4 }), false),
+        (Boundary::Rough(RoughSurface { index: 1.4, slope: 0.4 }), false),
         (Boundary::Diffuse { reflectance: 0.5 }, true),
     ] {
-        let leaf = Leaf { medium, boundary, spread };
-        let there = leaf.walk(&bumpy_field(), Light::Diffuse, histories(20_000)).unwrap();
-        let again = leaf.walk(&turned, Light::Diffuse, Histories { count: 20_000, seed: 12 }).unwrap();
+        let leaf = ReliefLeaf { medium, boundary, spread };
+        let there = leaf.walk(&bumpy_field(), IncidentLight::Diffuse, histories(20_000)).unwrap();
+        let again = leaf.walk(&turned, IncidentLight::Diffuse, Histories { count: 20_000, seed: 12 }).unwrap();
         agree(&format!("{boundary:?}"), there.transmitted, again.transmitted);
     }
 }
@@ -259,17 +261,17 @@ fn diffuse_light_passes_alike_both_ways() {
 fn energy_is_conserved_on_spikes_at_grazing_light() {
     let spikes: Vec<f64> = (0..36).map(|k| if k % 3 == 0 { 0.5 } else { 0.0 }).collect();
     let back: Vec<f64> = (0..36).map(|k| -0.1 - 0.3 * f64::from(u8::from(k % 4 == 0))).collect();
-    for rim in [Rim::Periodic, Rim::Clamped { margin_mm: 0.5 }] {
-        let field = Field::new(6, 6, 0.1, spikes.clone(), back.clone(), rim).unwrap();
+    for rim in [FieldRim::Periodic, FieldRim::Clamped { margin_mm: 0.5 }] {
+        let field = LeafHeightField::new(6, 6, 0.1, spikes.clone(), back.clone(), rim).unwrap();
         for (boundary, spread) in [
             (MATCHED, false),
             (MATCHED, true),
             (Boundary::Diffuse { reflectance: 0.4 }, true),
-            (Boundary::Rough(Rough { index: 1.4, slope: 0.4 }), false),
+            (Boundary::Rough(RoughSurface { index: 1.4, slope: 0.4 }), false),
         ] {
             for (sigma_a, g) in [(0.0, 0.9), (3.0, -0.9)] {
-                let leaf = Leaf { medium: Medium { sigma_a, sigma_s: 10.0, g }, boundary, spread };
-                for light in [Light::Direction([1.0, 0.3, 0.05]), Light::Diffuse] {
+                let leaf = ReliefLeaf { medium: Medium { sigma_a, sigma_s: 10.0, g }, boundary, spread };
+                for light in [IncidentLight::Direction([1.0, 0.3, 0.05]), IncidentLight::Diffuse] {
                     let got = leaf.walk(&field, light, histories(1500)).unwrap();
                     let what = format!("{leaf:?} {light:?} {rim:?}");
                     assert!((got.balance.value - 1.0).abs() <= 5.0 * got.balance.error, "{what}: {:?}", got.balance);
@@ -282,10 +284,13 @@ fn energy_is_conserved_on_spikes_at_grazing_light() {
 
 #[test]
 fn fields_that_are_none_are_refused() {
-    assert!(Field::new(2, 2, 0.1, vec![0.0; 3], vec![0.0; 4], Rim::Periodic).is_err());
-    assert!(Field::new(0, 0, 0.1, vec![], vec![], Rim::Periodic).is_err());
-    assert!(Field::new(1, 1, 0.0, vec![0.0], vec![0.0], Rim::Periodic).is_err());
-    assert!(Field::new(1, 1, 0.1, vec![f64::NAN], vec![0.0], Rim::Periodic).is_err());
-    let leaf = Leaf { medium: Medium { sigma_a: 1.0, sigma_s: 1.0, g: 0.0 }, boundary: MATCHED, spread: false };
-    assert!(leaf.walk(&flat(1, 1.0, 0.1, Rim::Periodic), Light::Direction([0.0, 0.0, -1.0]), histories(10)).is_err());
+    assert!(LeafHeightField::new(2, 2, 0.1, vec![0.0; 3], vec![0.0; 4], FieldRim::Periodic).is_err());
+    assert!(LeafHeightField::new(0, 0, 0.1, vec![], vec![], FieldRim::Periodic).is_err());
+    assert!(LeafHeightField::new(1, 1, 0.0, vec![0.0], vec![0.0], FieldRim::Periodic).is_err());
+    assert!(LeafHeightField::new(1, 1, 0.1, vec![f64::NAN], vec![0.0], FieldRim::Periodic).is_err());
+    let leaf = ReliefLeaf { medium: Medium { sigma_a: 1.0, sigma_s: 1.0, g: 0.0 }, boundary: MATCHED, spread: false };
+    assert!(
+        leaf.walk(&flat(1, 1.0, 0.1, FieldRim::Periodic), IncidentLight::Direction([0.0, 0.0, -1.0]), histories(10))
+            .is_err()
+    );
 }

@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 /// A rough dielectric surface. Its slope is the square root of twice the mean square slope along one axis (`m` of
 /// [`crate::gloss`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rough {
+pub struct RoughSurface {
     /// Refractive index of the medium over that outside.
     pub index: f64,
     /// Slope m of the facets; 0 is a smooth pane.
@@ -26,7 +26,7 @@ pub struct Rough {
 /// Largest number of facets that a ray may meet at one crossing; after that it is given up.
 const FACETS: u32 = 100_000;
 
-impl Rough {
+impl RoughSurface {
     pub(super) fn check(&self) -> Result<()> {
         if !(self.index >= 1.0 && self.index < 10.0) {
             return Err(Error::Usage(format!("random walk: the refractive index is {}, expected 1 to 10", self.index)));
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_smooth_pane_refracts_and_reflects_as_fresnel_and_snell_say() {
-        let pane = Rough { index: 1.4, slope: 0.0 };
+        let pane = RoughSurface { index: 1.4, slope: 0.0 };
         let mut rng = Pcg64::seed_from_u64(1);
         for (z, ratio) in [(-0.6f64, 1.4), (0.8, 1.0 / 1.4), (0.5, 1.0 / 1.4)] {
             let sin = (1.0 - z * z).sqrt();
@@ -188,7 +188,7 @@ mod tests {
     fn visible_facets_have_the_slopes_they_should() {
         let mut rng = Pcg64::seed_from_u64(2);
         for (m, cos) in [(0.3f64, 0.9f64), (0.5, 0.3), (0.8, 0.05), (0.4, -0.2)] {
-            let face = Rough { index: 1.4, slope: m };
+            let face = RoughSurface { index: 1.4, slope: m };
             let sin = (1.0 - cos * cos).sqrt();
             // the slope towards the viewer; the one across is independent
             let (mut area, mut first, mut second) = (0.0, 0.0, 0.0);
@@ -227,7 +227,7 @@ mod tests {
     fn a_rough_face_passes_the_same_flux_both_ways() {
         let mut rng = Pcg64::seed_from_u64(3);
         for slope in [0.0, 0.2, 0.7] {
-            let face = Rough { index: 1.33, slope };
+            let face = RoughSurface { index: 1.33, slope };
             let n = 60_000;
             let mut through = [0.0; 2];
             for _ in 0..n {

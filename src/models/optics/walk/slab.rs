@@ -7,7 +7,7 @@
 //! outside, and nothing is forced.
 
 use super::phase::{self, Direction};
-use super::tally::{self, Estimate, Fates, Histories, Ratio, Sum, Tally, uniform};
+use super::tally::{self, FluxFates, Histories, HistoryEstimate, RatioSums, ScoreSums, Tally, uniform};
 use super::{Boundary, EVENTS, Medium, survives};
 use mesophyll_base::error::{Error, Result};
 use rand_pcg::Pcg64;
@@ -29,16 +29,16 @@ pub struct Slab {
 
 /// Direction of the light at the lit face: inside it for matched and diffuse faces, outside it for rough ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Entry {
+pub enum EntryDirection {
     /// A beam along this direction, z > 0; it is made a unit vector.
     Beam(Direction),
     /// Lambertian.
     Diffuse,
 }
 
-impl Entry {
+impl EntryDirection {
     /// A beam along the normal.
-    pub const NORMAL: Entry = Entry::Beam([0.0, 0.0, 1.0]);
+    pub const NORMAL: EntryDirection = EntryDirection::Beam([0.0, 0.0, 1.0]);
 }
 
 /// All fluxes are relative to the flux that starts. `balance` = reflected + glossy + transmitted + absorbed + lost is 1
@@ -48,40 +48,40 @@ pub struct SlabWalk {
     /// How many histories were run.
     pub histories: u64,
     /// Share that was inside and leaves through the lit face.
-    pub reflected: Estimate,
+    pub reflected: HistoryEstimate,
     /// Reflected by a rough face's outside without entering.
-    pub glossy: Estimate,
+    pub glossy: HistoryEstimate,
     /// Share that leaves through the other face.
-    pub transmitted: Estimate,
+    pub transmitted: HistoryEstimate,
     /// The part of `transmitted` that met neither tissue nor a reflecting face.
-    pub unscattered: Estimate,
+    pub unscattered: HistoryEstimate,
     /// Absorbed by the tissue.
-    pub absorbed: Estimate,
+    pub absorbed: HistoryEstimate,
     /// Share that was given up after [`EVENTS`] events.
-    pub lost: Estimate,
+    pub lost: HistoryEstimate,
     /// Sum of all the shares; 1 except for the roulette.
-    pub balance: Estimate,
+    pub balance: HistoryEstimate,
     /// T(r) of the scattered light, averaged over each ring (1/mm²).
-    pub radial: Vec<Estimate>,
+    pub radial: Vec<HistoryEstimate>,
     /// Radii of the rings (mm), one more than there are rings.
     pub edges: Vec<f64>,
     /// Mean square distance of the scattered transmitted light from where it entered, mm² (NaN where none came).
-    pub mean_square_radius: Estimate,
+    pub mean_square_radius: HistoryEstimate,
     /// Share of the scattered transmitted flux between cos²θ = k/10 and (k+1)/10; all 0.1 for a Lambertian.
-    pub angles: [Estimate; ANGLES],
+    pub angles: [HistoryEstimate; ANGLES],
     /// Mean cosine of that flux; 2/3 for a Lambertian.
-    pub mean_cosine: Estimate,
+    pub mean_cosine: HistoryEstimate,
 }
 
 #[derive(Clone)]
 struct Sums {
-    fates: Fates,
-    unscattered: Sum,
-    scattered: Sum,
-    radial: Vec<Sum>,
-    radius: Ratio,
-    angles: [Sum; ANGLES],
-    cosine: Ratio,
+    fates: FluxFates,
+    unscattered: ScoreSums,
+    scattered: ScoreSums,
+    radial: Vec<ScoreSums>,
+    radius: RatioSums,
+    angles: [ScoreSums; ANGLES],
+    cosine: RatioSums,
 }
 
 impl Tally for Sums {
@@ -114,7 +114,7 @@ struct Particle {
 
 impl Slab {
     /// Walks `histories` through the slab. `edges` are the radii of the rings in mm, ascending from ≥ 0 (may be empty).
-    pub fn walk(&self, entry: Entry, histories: Histories, edges: &[f64]) -> Result<SlabWalk> {
+    pub fn walk(&self, entry: EntryDirection, histories: Histories, edges: &[f64]) -> Result<SlabWalk> {
         self.medium.check()?;
         self.boundary.check()?;
         if !(self.thickness_mm >= 0.0 && self.thickness_mm.is_finite()) {
@@ -127,26 +127,26 @@ impl Slab {
             return Err(Error::Usage("random walk: the rings' radii do not ascend from 0 or more".into()));
         }
         let entry = match entry {
-            Entry::Beam(d) => {
+            EntryDirection::Beam(d) => {
                 let length = phase::dot(d, d).sqrt();
                 if !(d[2] > 0.0 && length.is_finite()) {
                     return Err(Error::Usage(format!(
                         "random walk: the beam's direction is {d:?}, expected its third part above 0"
                     )));
                 }
-                Entry::Beam(d.map(|x| x / length))
+                EntryDirection::Beam(d.map(|x| x / length))
             }
-            Entry::Diffuse => Entry::Diffuse,
+            EntryDirection::Diffuse => EntryDirection::Diffuse,
         };
         let rings = edges.len().saturating_sub(1);
         let empty = || Sums {
-            fates: Fates::default(),
-            unscattered: Sum::default(),
-            scattered: Sum::default(),
-            radial: vec![Sum::default(); rings],
-            radius: Ratio::default(),
-            angles: [Sum::default(); ANGLES],
-            cosine: Ratio::default(),
+            fates: FluxFates::default(),
+            unscattered: ScoreSums::default(),
+            scattered: ScoreSums::default(),
+            radial: vec![ScoreSums::default(); rings],
+            radius: RatioSums::default(),
+            angles: [ScoreSums::default(); ANGLES],
+            cosine: RatioSums::default(),
         };
         let sums = tally::run(histories, empty, |rng, sums| self.history(entry, edges, rng, sums))?;
         let n = histories.count;
@@ -172,10 +172,10 @@ impl Slab {
         })
     }
 
-    fn history(&self, entry: Entry, edges: &[f64], rng: &mut Pcg64, sums: &mut Sums) {
+    fn history(&self, entry: EntryDirection, edges: &[f64], rng: &mut Pcg64, sums: &mut Sums) {
         let d = match entry {
-            Entry::Beam(d) => d,
-            Entry::Diffuse => phase::lambert(rng),
+            EntryDirection::Beam(d) => d,
+            EntryDirection::Diffuse => phase::lambert(rng),
         };
         let mut particle = Particle { p: [0.0; 3], d, weight: 1.0, absorbed: 0.0, touched: false };
         let mut straight = 0.0;

@@ -22,33 +22,33 @@ pub struct Histories {
 ///
 /// Where no history scored at all, the value is 0 and the error is that of a single history of full weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
+pub struct HistoryEstimate {
     /// The mean.
     pub value: f64,
     /// Its standard error.
     pub error: f64,
 }
 
-impl Estimate {
+impl HistoryEstimate {
     /// Distance from a known value in standard errors.
     pub fn deviation(&self, known: f64) -> f64 {
         (self.value - known) / self.error
     }
 
     /// The same in another unit: value and error times `by`.
-    pub fn scaled(self, by: f64) -> Estimate {
-        Estimate { value: self.value * by, error: self.error * by.abs() }
+    pub fn scaled(self, by: f64) -> HistoryEstimate {
+        HistoryEstimate { value: self.value * by, error: self.error * by.abs() }
     }
 }
 
 /// Σ x and Σ x² over the histories that scored.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Sum {
+pub struct ScoreSums {
     sum: f64,
     squares: f64,
 }
 
-impl Sum {
+impl ScoreSums {
     /// Adds the score of a history.
     pub fn add(&mut self, x: f64) {
         self.sum += x;
@@ -56,60 +56,60 @@ impl Sum {
     }
 
     /// Adds the sums of another batch.
-    pub fn merge(&mut self, other: &Sum) {
+    pub fn merge(&mut self, other: &ScoreSums) {
         self.sum += other.sum;
         self.squares += other.squares;
     }
 
     /// Mean over `count` histories.
-    pub fn mean(&self, count: u64) -> Estimate {
+    pub fn mean(&self, count: u64) -> HistoryEstimate {
         let n = count as f64;
         if self.squares == 0.0 {
-            return Estimate { value: 0.0, error: 1.0 / n };
+            return HistoryEstimate { value: 0.0, error: 1.0 / n };
         }
         let value = self.sum / n;
         let variance = (self.squares / n - value * value).max(0.0) / (n - 1.0).max(1.0);
-        Estimate { value, error: variance.sqrt() }
+        HistoryEstimate { value, error: variance.sqrt() }
     }
 
     /// The share of this part in `whole`, of which it is a part.
-    pub fn share(&self, whole: &Sum) -> Estimate {
+    pub fn share(&self, whole: &ScoreSums) -> HistoryEstimate {
         if whole.sum <= 0.0 {
-            return Estimate { value: f64::NAN, error: f64::NAN };
+            return HistoryEstimate { value: f64::NAN, error: f64::NAN };
         }
         let p = self.sum / whole.sum;
         // Σ (w_part − p w)² over the histories: (1−p)² within the part, p² outside it
         let spread = self.squares * (1.0 - 2.0 * p) + p * p * whole.squares;
-        Estimate { value: p, error: spread.max(0.0).sqrt() / whole.sum }
+        HistoryEstimate { value: p, error: spread.max(0.0).sqrt() / whole.sum }
     }
 }
 
 /// Adds each part of one run to its counterpart.
-pub fn merge<'a>(into: impl IntoIterator<Item = &'a mut Sum>, from: impl IntoIterator<Item = &'a Sum>) {
+pub fn merge<'a>(into: impl IntoIterator<Item = &'a mut ScoreSums>, from: impl IntoIterator<Item = &'a ScoreSums>) {
     into.into_iter().zip(from).for_each(|(a, b)| a.merge(b));
 }
 
 /// Where the flux of one run went, whatever shape it ran through.
 #[derive(Debug, Clone, Default)]
-pub struct Fates {
+pub struct FluxFates {
     /// Flux that was inside and left through the lit face.
-    pub reflected: Sum,
+    pub reflected: ScoreSums,
     /// Flux that was reflected without entering.
-    pub glossy: Sum,
+    pub glossy: ScoreSums,
     /// Flux that left through the other face.
-    pub transmitted: Sum,
+    pub transmitted: ScoreSums,
     /// Flux that the tissue absorbed.
-    pub absorbed: Sum,
+    pub absorbed: ScoreSums,
     /// Flux that was given up after too many events.
-    pub lost: Sum,
+    pub lost: ScoreSums,
     /// Sum of all the above, history by history.
-    pub balance: Sum,
+    pub balance: ScoreSums,
 }
 
-impl Fates {
+impl FluxFates {
     /// Adds the sums of another batch.
-    pub fn merge(&mut self, o: &Fates) {
-        let Fates { reflected, glossy, transmitted, absorbed, lost, balance } = self;
+    pub fn merge(&mut self, o: &FluxFates) {
+        let FluxFates { reflected, glossy, transmitted, absorbed, lost, balance } = self;
         merge(
             [reflected, glossy, transmitted, absorbed, lost, balance],
             [&o.reflected, &o.glossy, &o.transmitted, &o.absorbed, &o.lost, &o.balance],
@@ -119,7 +119,7 @@ impl Fates {
 
 /// A weighted mean Σ w x / Σ w over histories; its standard error to first order in the spread (a ratio of two sums).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Ratio {
+pub struct RatioSums {
     w: f64,
     wx: f64,
     ww: f64,
@@ -127,7 +127,7 @@ pub struct Ratio {
     wwxx: f64,
 }
 
-impl Ratio {
+impl RatioSums {
     /// Adds the value `x` with the weight `w`.
     pub fn add(&mut self, w: f64, x: f64) {
         self.w += w;
@@ -138,7 +138,7 @@ impl Ratio {
     }
 
     /// Adds the sums of another batch.
-    pub fn merge(&mut self, o: &Ratio) {
+    pub fn merge(&mut self, o: &RatioSums) {
         self.w += o.w;
         self.wx += o.wx;
         self.ww += o.ww;
@@ -147,10 +147,10 @@ impl Ratio {
     }
 
     /// NaN where no history scored.
-    pub fn mean(&self) -> Estimate {
+    pub fn mean(&self) -> HistoryEstimate {
         let q = self.wx / self.w;
         let spread = self.wwxx - 2.0 * q * self.wwx + q * q * self.ww;
-        Estimate { value: q, error: spread.max(0.0).sqrt() / self.w }
+        HistoryEstimate { value: q, error: spread.max(0.0).sqrt() / self.w }
     }
 }
 

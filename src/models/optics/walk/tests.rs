@@ -1,10 +1,10 @@
 //! Compares the walk with independent solutions: the exact slab, closed forms, doubling, composition of diffuse faces,
 //! published values.
 
-use super::rough::Rough;
-use super::slab::{ANGLES, Entry};
+use super::rough::RoughSurface;
+use super::slab::{ANGLES, EntryDirection};
 use super::*;
-use crate::slab::{exact, quadrature::gauss};
+use crate::slab::{medium, quadrature::gauss};
 use nalgebra::DMatrix;
 
 fn histories(count: u64) -> Histories {
@@ -16,7 +16,7 @@ fn matched(sigma_a: f64, sigma_s: f64, g: f64, thickness_mm: f64) -> Slab {
 }
 
 /// Within `sigmas` standard errors, which are themselves small.
-fn agrees(what: &str, got: Estimate, want: f64, sigmas: f64, largest_error: f64) {
+fn agrees(what: &str, got: HistoryEstimate, want: f64, sigmas: f64, largest_error: f64) {
     assert!(got.error <= largest_error, "{what}: standard error {} > {largest_error}", got.error);
     assert!(
         (got.value - want).abs() <= sigmas * got.error + 1e-12,
@@ -39,9 +39,9 @@ fn isotropic_matched_slab_agrees_with_the_exact_solution() {
     ] {
         let d = 0.2;
         let (ss, sa) = (omega * delta / d, (1.0 - omega) * delta / d);
-        let want = exact::response_at(mu0, sa, ss, d);
+        let want = medium::response_at(mu0, sa, ss, d);
         let sin = (1.0f64 - mu0 * mu0).sqrt();
-        let got = matched(sa, ss, 0.0, d).walk(Entry::Beam([0.0, sin, mu0]), histories(60_000), &[]).unwrap();
+        let got = matched(sa, ss, 0.0, d).walk(EntryDirection::Beam([0.0, sin, mu0]), histories(60_000), &[]).unwrap();
         let what = format!("ω {omega} Δ {delta} μ₀ {mu0}");
         agrees(&format!("{what} R"), got.reflected, want.rho_d, 4.0, 2.5e-3);
         agrees(&format!("{what} T"), got.transmitted, want.rho_t, 4.0, 2.5e-3);
@@ -52,19 +52,21 @@ fn isotropic_matched_slab_agrees_with_the_exact_solution() {
 
 #[test]
 fn absorber_empty_slab_and_no_slab() {
-    let got = matched(3.0, 0.0, 0.0, 0.5).walk(Entry::NORMAL, histories(1000), &[]).unwrap();
+    let got = matched(3.0, 0.0, 0.0, 0.5).walk(EntryDirection::NORMAL, histories(1000), &[]).unwrap();
     assert!((got.transmitted.value - (-1.5f64).exp()).abs() < 1e-12 && got.reflected.value == 0.0);
     assert!((got.absorbed.value - (1.0 - (-1.5f64).exp())).abs() < 1e-12);
     // Lambertian light through an absorber: 2 E₃(Δ)
-    let got = matched(3.0, 0.0, 0.0, 0.5).walk(Entry::Diffuse, histories(20_000), &[]).unwrap();
+    let got = matched(3.0, 0.0, 0.0, 0.5).walk(EntryDirection::Diffuse, histories(20_000), &[]).unwrap();
     let want: f64 = gauss(60).iter().map(|q| 2.0 * q.x * q.w * (-1.5 / q.x).exp()).sum();
     agrees("2 E₃", got.transmitted, want, 4.0, 2e-3);
-    for boundary in
-        [Boundary::Matched, Boundary::Diffuse { reflectance: 0.3 }, Boundary::Rough(Rough { index: 1.0, slope: 0.3 })]
-    {
+    for boundary in [
+        Boundary::Matched,
+        Boundary::Diffuse { reflectance: 0.3 },
+        Boundary::Rough(RoughSurface { index: 1.0, slope: 0.3 }),
+    ] {
         for (sigma_a, sigma_s, d) in [(0.0, 0.0, 1.0), (2.0, 5.0, 0.0), (0.0, 0.0, 0.0)] {
             let slab = Slab { medium: Medium { sigma_a, sigma_s, g: 0.0 }, thickness_mm: d, boundary };
-            let got = slab.walk(Entry::NORMAL, histories(4000), &[]).unwrap();
+            let got = slab.walk(EntryDirection::NORMAL, histories(4000), &[]).unwrap();
             // bounces between two diffuse faces with nothing between: T = (1 − ρ)/(1 − ρ²) = 1/(1 + ρ)
             let rho = if let Boundary::Diffuse { reflectance } = boundary { reflectance } else { 0.0 };
             agrees(&format!("{boundary:?} d {d}"), got.transmitted, 1.0 / (1.0 + rho), 4.0, 0.01);
@@ -119,8 +121,9 @@ fn anisotropic_slab_agrees_with_doubling_and_with_van_de_hulst() {
     for (omega, g, delta) in [(0.9, 0.75, 2.0), (0.98, 0.9, 5.0), (0.95, -0.9, 1.5), (1.0, 0.5, 4.0), (0.7, -0.4, 0.1)]
     {
         let (r, t) = doubling(omega, g, delta);
-        let got =
-            matched((1.0 - omega) * delta, omega * delta, g, 1.0).walk(Entry::NORMAL, histories(60_000), &[]).unwrap();
+        let got = matched((1.0 - omega) * delta, omega * delta, g, 1.0)
+            .walk(EntryDirection::NORMAL, histories(60_000), &[])
+            .unwrap();
         agrees(&format!("ω {omega} g {g} Δ {delta} R"), got.reflected, r, 4.0, 2.5e-3);
         agrees(&format!("ω {omega} g {g} Δ {delta} T"), got.transmitted, t, 4.0, 2.5e-3);
     }
@@ -131,10 +134,10 @@ fn anisotropic_slab_agrees_with_doubling_and_with_van_de_hulst() {
 #[test]
 fn diffuse_faces_compose_the_bare_slab() {
     for (sa, ss, d, rho) in [(0.4, 10.2, 0.2, 0.45), (2.0, 5.0, 0.05, 0.6), (0.0, 8.0, 0.3, 0.3)] {
-        let bare = exact::response(sa, ss, d);
+        let bare = medium::response(sa, ss, d);
         let (mut rd, mut td) = (0.0, 0.0);
         for q in gauss(40) {
-            let at = exact::response_at(q.x, sa, ss, d);
+            let at = medium::response_at(q.x, sa, ss, d);
             (rd, td) = (rd + 2.0 * q.x * q.w * at.rho_d, td + 2.0 * q.x * q.w * at.rho_t);
         }
         // flux on the lit face (a) and on the other (b), from inside: a = R + ρ(a Rd + b Td), b = T + ρ(b Rd + a Td)
@@ -146,11 +149,11 @@ fn diffuse_faces_compose_the_bare_slab() {
             thickness_mm: d,
             boundary: Boundary::Diffuse { reflectance: rho },
         };
-        let got = slab.walk(Entry::NORMAL, histories(60_000), &[]).unwrap();
+        let got = slab.walk(EntryDirection::NORMAL, histories(60_000), &[]).unwrap();
         agrees("R", got.reflected, (1.0 - rho) * a, 4.0, 2.5e-3);
         agrees("T", got.transmitted, (1.0 - rho) * b, 4.0, 2.5e-3);
         agrees("unscattered", got.unscattered, (1.0 - rho) * (-(sa + ss) * d).exp(), 4.0, 1e-6);
-        let got = matched(sa, ss, 0.0, d).walk(Entry::Diffuse, histories(60_000), &[]).unwrap();
+        let got = matched(sa, ss, 0.0, d).walk(EntryDirection::Diffuse, histories(60_000), &[]).unwrap();
         agrees("Lambertian R", got.reflected, rd, 4.0, 2.5e-3);
         agrees("Lambertian T", got.transmitted, td, 4.0, 2.5e-3);
     }
@@ -163,17 +166,18 @@ fn dielectric_faces_give_giovanellis_half_space() {
     let slab = |slope: f64| Slab {
         medium: Medium { sigma_a: 1.0, sigma_s: 9.0, g: 0.0 },
         thickness_mm: 6.0,
-        boundary: Boundary::Rough(Rough { index: 1.5, slope }),
+        boundary: Boundary::Rough(RoughSurface { index: 1.5, slope }),
     };
-    let got = slab(0.0).walk(Entry::NORMAL, histories(50_000), &[]).unwrap();
+    let got = slab(0.0).walk(EntryDirection::NORMAL, histories(50_000), &[]).unwrap();
     agrees("glossy", got.glossy, 0.04, 4.0, 2e-3);
     agrees("diffuse", got.reflected, 0.2600 - 0.04, 4.0, 2.5e-3);
     // With index 1 there is no face at all, however rough it is.
     let (medium, thickness_mm) = (Medium { sigma_a: 0.5, sigma_s: 6.0, g: 0.3 }, 0.2);
-    let free =
-        Slab { medium, thickness_mm, boundary: Boundary::Matched }.walk(Entry::NORMAL, histories(40_000), &[]).unwrap();
-    let none = Slab { medium, thickness_mm, boundary: Boundary::Rough(Rough { index: 1.0, slope: 0.5 }) };
-    let none = none.walk(Entry::NORMAL, Histories { count: 40_000, seed: 9 }, &[]).unwrap();
+    let free = Slab { medium, thickness_mm, boundary: Boundary::Matched }
+        .walk(EntryDirection::NORMAL, histories(40_000), &[])
+        .unwrap();
+    let none = Slab { medium, thickness_mm, boundary: Boundary::Rough(RoughSurface { index: 1.0, slope: 0.5 }) };
+    let none = none.walk(EntryDirection::NORMAL, Histories { count: 40_000, seed: 9 }, &[]).unwrap();
     for (a, b) in
         [(free.transmitted, none.transmitted), (free.reflected, none.reflected), (free.unscattered, none.unscattered)]
     {
@@ -187,7 +191,7 @@ fn a_thin_slab_scatters_once_as_the_closed_form_says() {
     // order
     let (ss, d) = (1e-3, 0.1);
     let edges = [0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 1.0];
-    let got = matched(0.0, ss, 0.0, d).walk(Entry::NORMAL, histories(60_000), &edges).unwrap();
+    let got = matched(0.0, ss, 0.0, d).walk(EntryDirection::NORMAL, histories(60_000), &edges).unwrap();
     for (ring, e) in got.radial.iter().zip(edges.windows(2)) {
         let primitive = |r: f64| 0.5 * ss * (r - (r * r + d * d).sqrt());
         let want = (primitive(e[1]) - primitive(e[0])) / (std::f64::consts::PI * (e[1] * e[1] - e[0] * e[0]));
@@ -207,7 +211,8 @@ fn rings_add_up_and_a_deep_slab_forgets_its_phase_function() {
     // Similarity: where light has scattered often, only σs(1−g) matters.
     let mut totals = Vec::new();
     for g in [0.0, 0.9, -0.9] {
-        let got = matched(0.05, 10.0 / (1.0 - g), g, 1.0).walk(Entry::Diffuse, histories(8_000), &edges).unwrap();
+        let got =
+            matched(0.05, 10.0 / (1.0 - g), g, 1.0).walk(EntryDirection::Diffuse, histories(8_000), &edges).unwrap();
         let rings: f64 = got
             .radial
             .iter()
@@ -234,10 +239,10 @@ fn energy_is_conserved_over_the_whole_range() {
             for boundary in [
                 Boundary::Matched,
                 Boundary::Diffuse { reflectance: 0.4 },
-                Boundary::Rough(Rough { index: 1.4, slope: 0.4 }),
+                Boundary::Rough(RoughSurface { index: 1.4, slope: 0.4 }),
             ] {
                 let slab = Slab { medium: Medium { sigma_a, sigma_s, g }, thickness_mm: d, boundary };
-                let got = slab.walk(Entry::Beam([0.6, 0.0, 0.8]), histories(600), &[0.0, 1.0]).unwrap();
+                let got = slab.walk(EntryDirection::Beam([0.6, 0.0, 0.8]), histories(600), &[0.0, 1.0]).unwrap();
                 agrees(&format!("{slab:?}"), got.balance, 1.0, 5.0, 0.05);
                 assert!(got.lost.value == 0.0);
                 let sum = got.reflected.value + got.glossy.value + got.transmitted.value + got.absorbed.value;
@@ -252,7 +257,7 @@ fn the_threads_do_not_matter_and_the_seed_does() {
     let slab = matched(0.4, 10.0, 0.1, 0.2);
     let on = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| slab.walk(Entry::NORMAL, Histories { count: 30_000, seed }, &[0.0, 0.1, 0.3]).unwrap())
+        pool.install(|| slab.walk(EntryDirection::NORMAL, Histories { count: 30_000, seed }, &[0.0, 0.1, 0.3]).unwrap())
     };
     assert_eq!(on(1, 7), on(3, 7));
     assert_ne!(on(1, 7).transmitted, on(1, 8).transmitted);
@@ -267,7 +272,7 @@ fn standard_errors_are_what_they_say() {
         boundary: Boundary::Diffuse { reflectance: 0.2 },
     };
     let runs: Vec<SlabWalk> = (0..60)
-        .map(|seed| slab.walk(Entry::NORMAL, Histories { count: 1000, seed }, &[0.0, 0.1, 0.3]).unwrap())
+        .map(|seed| slab.walk(EntryDirection::NORMAL, Histories { count: 1000, seed }, &[0.0, 0.1, 0.3]).unwrap())
         .collect();
     for pick in [
         |w: &SlabWalk| w.transmitted,
@@ -289,15 +294,21 @@ fn standard_errors_are_what_they_say() {
 #[test]
 fn what_cannot_be_walked_is_refused() {
     let good = matched(1.0, 1.0, 0.0, 1.0);
-    let refused =
-        |slab: Slab, entry: Entry, n: u64, edges: &[f64]| assert!(slab.walk(entry, histories(n), edges).is_err());
-    refused(matched(-1.0, 1.0, 0.0, 1.0), Entry::NORMAL, 10, &[]);
-    refused(matched(1.0, f64::NAN, 0.0, 1.0), Entry::NORMAL, 10, &[]);
-    refused(matched(1.0, 1.0, 1.0, 1.0), Entry::NORMAL, 10, &[]);
-    refused(matched(1.0, 1.0, 0.0, f64::INFINITY), Entry::NORMAL, 10, &[]);
-    refused(good, Entry::Beam([1.0, 0.0, 0.0]), 10, &[]);
-    refused(good, Entry::NORMAL, 1, &[]);
-    refused(good, Entry::NORMAL, 10, &[0.0, 0.0]);
-    refused(Slab { boundary: Boundary::Diffuse { reflectance: 1.0 }, ..good }, Entry::NORMAL, 10, &[]);
-    refused(Slab { boundary: Boundary::Rough(Rough { index: 0.9, slope: 0.1 }), ..good }, Entry::NORMAL, 10, &[]);
+    let refused = |slab: Slab, entry: EntryDirection, n: u64, edges: &[f64]| {
+        assert!(slab.walk(entry, histories(n), edges).is_err())
+    };
+    refused(matched(-1.0, 1.0, 0.0, 1.0), EntryDirection::NORMAL, 10, &[]);
+    refused(matched(1.0, f64::NAN, 0.0, 1.0), EntryDirection::NORMAL, 10, &[]);
+    refused(matched(1.0, 1.0, 1.0, 1.0), EntryDirection::NORMAL, 10, &[]);
+    refused(matched(1.0, 1.0, 0.0, f64::INFINITY), EntryDirection::NORMAL, 10, &[]);
+    refused(good, EntryDirection::Beam([1.0, 0.0, 0.0]), 10, &[]);
+    refused(good, EntryDirection::NORMAL, 1, &[]);
+    refused(good, EntryDirection::NORMAL, 10, &[0.0, 0.0]);
+    refused(Slab { boundary: Boundary::Diffuse { reflectance: 1.0 }, ..good }, EntryDirection::NORMAL, 10, &[]);
+    refused(
+        Slab { boundary: Boundary::Rough(RoughSurface { index: 0.9, slope: 0.1 }), ..good },
+        EntryDirection::NORMAL,
+        10,
+        &[],
+    );
 }

@@ -13,18 +13,18 @@
 //!
 //! A plant that moves ([`write_moving`]) has leaves as plain nodes. Its bark is skinned meshes beside the plant's node.
 
-mod moving;
+mod moving_parts;
 mod pivots;
-mod read;
+mod reader;
 #[cfg(test)]
 mod tests;
-mod write;
+mod writer;
 
-pub use moving::{Carried, write_moving};
+pub use moving_parts::{MovingParts, write_moving};
 pub use pivots::write_pivots;
-pub(crate) use read::count;
-pub use read::{branched, read, read_any};
-pub use write::write;
+pub(crate) use reader::count;
+pub use reader::{branched, read, read_any};
+pub use writer::write;
 
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +33,7 @@ pub use mesophyll_files::gltf_file::{INSTANCING, MOST_TRIANGLES};
 /// What the `extras` of a branch's node state, in addition to its frame. Lengths are in the node's own units, which are
 /// mm in files of this program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Said {
+pub struct NodeExtras {
     /// Level of the branch; 0 is a trunk.
     pub level: usize,
     /// Share of the parent's axis at which it grows; absent for a trunk.
@@ -78,5 +78,5 @@ const PERIOD: &str = "period_mm";
 /// The `extras` of a branch's node.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Extras {
-    branch: Said,
+    branch: NodeExtras,
 }

@@ -6,11 +6,11 @@
 //!
 //! Everything is in the frame and unit of the mesh's file: metres, y up.
 
-use super::write::{Shapes, rooted, upright};
+use super::writer::{Shapes, rooted, upright};
 use crate::form::Plant;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
-use mesophyll_files::image::{Maps, Packing, write_exr};
+use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::{atomic, quantity};
 use serde_json::json;
@@ -90,7 +90,7 @@ pub fn write_pivots(plant: &Plant, folder: &Path) -> Result<Vec<PathBuf>> {
         second[k] = reach.normalize_or_zero().as_vec3().extend(reach.length() as f32).to_array();
     }
     for (name, texels) in [(&names[1], first), (&names[2], second)] {
-        let mut maps = Maps::new(width, height);
+        let mut maps = ChannelMaps::new(width, height);
         for (c, channel) in quantity::RGB.into_iter().chain(["A"]).enumerate() {
             maps.push(channel, texels.iter().map(|t| t[c]).collect());
         }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::form::{Blade, Branch, Joint, Leaf, Plant, Stated, tube};
+use crate::form::{Blade, Branch, BranchMotion, Joint, Leaf, Plant, tube};
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use serde_json::json;
@@ -19,7 +19,7 @@ fn plant() -> Plant {
         tip_radius: 1.0,
         load: 0.25,
         bending_load: 0.125 * level as f64,
-        stated: Stated { lean_per_m_s: Some(0.02), resonance_hz: None, damping: Some(0.3) },
+        stated: BranchMotion { lean_per_m_s: Some(0.02), resonance_hz: None, damping: Some(0.3) },
         material: "bark".into(),
     };
     let up = DQuat::from_rotation_y(-1.5);

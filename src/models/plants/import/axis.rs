@@ -6,7 +6,7 @@
 //! are made again, so that they stand across it. The radius is the line that fits the corners of the cuts.
 
 use super::arms::{from_end, longest_arm, mean_radius, neighbours};
-use super::soup::{Piece, Sets, Soup};
+use super::soup::{MeshPiece, Sets, TriangleSoup};
 use crate::form::along;
 use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, HashMap};
@@ -37,7 +37,7 @@ const ARM: f64 = 3.0;
 
 /// A tapered tube.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tube {
+pub struct TaperedTube {
     /// Points from root to tip (mm). Until the tube is attached, they go from the thick end to the thin one.
     pub axis: Vec<DVec3>,
     /// Radius at the beginning of the axis (mm).
@@ -46,7 +46,7 @@ pub struct Tube {
     pub tip_radius: f64,
 }
 
-impl Tube {
+impl TaperedTube {
     /// Length along the axis (mm).
     pub fn length(&self) -> f64 {
         self.axis.windows(2).map(|w| w[0].distance(w[1])).sum()
@@ -58,9 +58,9 @@ impl Tube {
     }
 
     /// The same with the other end first.
-    pub fn turned(&self) -> Tube {
+    pub fn turned(&self) -> TaperedTube {
         let axis = self.axis.iter().rev().copied().collect();
-        Tube { axis, root_radius: self.tip_radius, tip_radius: self.root_radius }
+        TaperedTube { axis, root_radius: self.tip_radius, tip_radius: self.root_radius }
     }
 }
 
@@ -110,7 +110,7 @@ pub(super) struct Mesh {
 ///
 /// # Errors
 /// A text that says why the piece is not a tube.
-pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
+pub fn of(soup: &TriangleSoup, piece: &MeshPiece) -> Result<TaperedTube, String> {
     let mesh = mesh(soup, piece);
     let neighbours = neighbours(&mesh);
     let from_end = from_end(&mesh, &neighbours);
@@ -174,7 +174,7 @@ pub fn of(soup: &Soup, piece: &Piece) -> Result<Tube, String> {
     if length < SHORTEST * mean {
         return Err(format!("it is {length:.3} mm long and {:.3} mm wide, expected a tube", 2.0 * mean));
     }
-    let tube = Tube { axis, root_radius: root.max(0.0), tip_radius: tip.max(0.0) };
+    let tube = TaperedTube { axis, root_radius: root.max(0.0), tip_radius: tip.max(0.0) };
     Ok(if tube.root_radius >= tube.tip_radius { tube } else { tube.turned() })
 }
 
@@ -195,7 +195,7 @@ fn crown(outline: &[(f64, f64)], ends: [f64; 2], length: f64) -> Option<String> 
     })
 }
 
-fn mesh(soup: &Soup, piece: &Piece) -> Mesh {
+fn mesh(soup: &TriangleSoup, piece: &MeshPiece) -> Mesh {
     let mut number: HashMap<u32, usize> = HashMap::new();
     let mut mesh = Mesh { places: Vec::new(), triangles: Vec::with_capacity(piece.triangles.len()) };
     for t in &piece.triangles {

@@ -2,8 +2,8 @@
 //! area counts once. Triangles with the same corners are left out when a file is read; here the two may be cut into
 //! triangles in other ways, be of two materials, or stand a hair apart.
 
-use super::Leaf;
-use super::soup::{Piece, Soup};
+use super::LeafPiece;
+use super::soup::{MeshPiece, TriangleSoup};
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,7 +14,7 @@ const UNLIKE: f64 = 0.02;
 
 /// Takes the backs out of the blades, and returns how many triangles they have. Of two materials, the one that faces
 /// upwards in the sum is the front; of one material, the first surface stays.
-pub fn take(soup: &Soup, pieces: &[Piece], leaves: &mut Vec<Leaf>) -> usize {
+pub fn take(soup: &TriangleSoup, pieces: &[MeshPiece], leaves: &mut Vec<LeafPiece>) -> usize {
     let places: Vec<Vec<DVec3>> = leaves.iter().map(|leaf| places(soup, &pieces[leaf.piece])).collect();
     let mut order: Vec<usize> = (0..leaves.len()).collect();
     order.sort_by(|a, b| leaves[*a].centre.x.total_cmp(&leaves[*b].centre.x));
@@ -53,19 +53,19 @@ pub fn take(soup: &Soup, pieces: &[Piece], leaves: &mut Vec<Leaf>) -> usize {
 }
 
 /// The different places of a piece's vertices.
-fn places(soup: &Soup, piece: &Piece) -> Vec<DVec3> {
+fn places(soup: &TriangleSoup, piece: &MeshPiece) -> Vec<DVec3> {
     let all: BTreeSet<u32> = piece.triangles.iter().flat_map(|t| soup.triangles[*t as usize]).collect();
     all.into_iter().map(|k| soup.places[k as usize]).collect()
 }
 
 /// A triangle's normal, as long as twice its area, towards where it winds counterclockwise.
-fn facing(soup: &Soup, triangle: u32) -> DVec3 {
+fn facing(soup: &TriangleSoup, triangle: u32) -> DVec3 {
     let [a, b, c] = soup.corners(triangle);
     (b - a).cross(c - a)
 }
 
 /// Whether every vertex of each of the two is near one of the other.
-fn same(a: &Leaf, b: &Leaf, places: [&Vec<DVec3>; 2]) -> bool {
+fn same(a: &LeafPiece, b: &LeafPiece, places: [&Vec<DVec3>; 2]) -> bool {
     let near = APART * a.size[0];
     let beside = |from: &[DVec3], to: &[DVec3]| from.iter().all(|p| to.iter().any(|q| p.distance(*q) <= near));
     a.centre.distance(b.centre) <= near

@@ -2,8 +2,8 @@
 //! however curled it is. A tube's triangles face all directions around it, and it is no sheet.
 
 use super::axis::principal;
-use super::soup::{Piece, Soup};
-use super::{Branch, Leaf};
+use super::soup::{MeshPiece, TriangleSoup};
+use super::{BranchPiece, LeafPiece};
 use crate::form::nearest;
 use glam::{DMat3, DVec3};
 use std::collections::{HashMap, HashSet};
@@ -22,7 +22,7 @@ const STALK: f64 = 0.6;
 const ROUND: f64 = 0.9;
 
 /// The piece as a blade, or `None` if it is none.
-pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
+pub fn of(soup: &TriangleSoup, piece: &MeshPiece) -> Option<LeafPiece> {
     let (mut facing, mut whole) = (DMat3::ZERO, 0.0);
     for t in &piece.triangles {
         let [a, b, c] = soup.corners(*t);
@@ -61,7 +61,7 @@ pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
         Some(edge) => (edge, extent(edge).into(), extent(normal.cross(edge)).into()),
         None => (long, [low, high], [left, right]),
     };
-    Some(Leaf {
+    Some(LeafPiece {
         piece: 0,
         centre,
         normal,
@@ -77,7 +77,7 @@ pub fn of(soup: &Soup, piece: &Piece) -> Option<Leaf> {
 
 /// Whether the piece, whose area is `area`, is a sheet: it has one border and no hole, and that border is not short for
 /// its area.
-fn sheet(soup: &Soup, piece: &Piece, area: f64) -> bool {
+fn sheet(soup: &TriangleSoup, piece: &MeshPiece, area: f64) -> bool {
     let edges = edges(soup, piece);
     let corners = piece.triangles.iter().flat_map(|t| soup.triangles[*t as usize]);
     let vertices = corners.collect::<HashSet<u32>>().len();
@@ -99,7 +99,7 @@ fn sheet(soup: &Soup, piece: &Piece, area: f64) -> bool {
 }
 
 /// The edges of a piece, and how many of its triangles have each.
-fn edges(soup: &Soup, piece: &Piece) -> HashMap<[u32; 2], usize> {
+fn edges(soup: &TriangleSoup, piece: &MeshPiece) -> HashMap<[u32; 2], usize> {
     let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
     for t in &piece.triangles {
         let [a, b, c] = soup.triangles[*t as usize];
@@ -112,7 +112,7 @@ fn edges(soup: &Soup, piece: &Piece) -> HashMap<[u32; 2], usize> {
 
 /// The direction of the picture's top within the plane of `normal`: leaves grow upwards in pictures of leaves. `None`
 /// without texture coordinates.
-fn up(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
+fn up(soup: &TriangleSoup, piece: &MeshPiece, normal: DVec3) -> Option<DVec3> {
     let of = |t: &u32| {
         let [a, b, c] = soup.corners(*t);
         let [p, q, r] = soup.said.get(*t as usize)?.uvs.map(|uv| uv.map(f64::from));
@@ -125,7 +125,7 @@ fn up(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
 }
 
 /// The direction of the piece's longest edge that belongs to one triangle only, within the plane of `normal`.
-fn longest_edge(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
+fn longest_edge(soup: &TriangleSoup, piece: &MeshPiece, normal: DVec3) -> Option<DVec3> {
     let line = |[a, b]: [u32; 2]| soup.places[b as usize] - soup.places[a as usize];
     let mut border: Vec<[u32; 2]> =
         edges(soup, piece).into_iter().filter(|(_, n)| *n == 1).map(|(edge, _)| edge).collect();
@@ -137,7 +137,7 @@ fn longest_edge(soup: &Soup, piece: &Piece, normal: DVec3) -> Option<DVec3> {
 
 /// Attaches every blade to the branch that is nearest to one of its two ends. This end becomes the first one, unless a
 /// picture says which is.
-pub fn hang(leaves: &mut [Leaf], branches: &[Branch]) {
+pub fn hang(leaves: &mut [LeafPiece], branches: &[BranchPiece]) {
     use rayon::prelude::*;
     let boxes: Vec<(DVec3, DVec3, f64)> = branches.iter().map(|b| b.tube.around()).collect();
     leaves.par_iter_mut().for_each(|leaf| {

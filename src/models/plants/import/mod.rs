@@ -6,53 +6,53 @@
 //! frame of the file that was read (y up, as in glTF).
 
 mod arms;
-pub mod attach;
+pub mod attachment;
 pub mod axis;
 mod backs;
-#[cfg(test)]
-mod elsewhere_tests;
-pub mod flat;
+pub mod flat_pieces;
 pub mod leaf;
+mod other_pieces;
+#[cfg(test)]
+mod other_program_tests;
 mod outline;
 pub mod plant;
-mod refused;
 pub mod soup;
 pub mod table;
 #[cfg(test)]
 mod tests;
 
 use crate::{Error, Result};
-use axis::Tube;
+use axis::TaperedTube;
 use glam::DVec3;
-use mesophyll_files::unit::Unit;
+use mesophyll_files::unit::LengthUnit;
 use rayon::prelude::*;
-use soup::{Piece, Soup};
+use soup::{MeshPiece, TriangleSoup};
 use std::path::Path;
 
 /// The parts of a plant that were found.
 #[derive(Debug, Clone, Default)]
-pub struct Found {
+pub struct PlantPieces {
     /// The branches. Parents stand before what grows on them, and branches that cannot be attached stand last.
-    pub branches: Vec<Branch>,
+    pub branches: Vec<BranchPiece>,
     /// The blades, and the branches that they hang on.
-    pub leaves: Vec<Leaf>,
+    pub leaves: Vec<LeafPiece>,
     /// Pieces that are neither a tube nor a blade, with a reason.
-    pub others: Vec<Other>,
+    pub others: Vec<OtherPiece>,
     /// Triangles without an area, which were left out.
     pub degenerate: usize,
     /// Triangles that repeat another one, which were left out.
     pub doubled: usize,
     /// All pieces of the soup, which the parts refer to.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<MeshPiece>,
 }
 
 /// A branch that was found.
 #[derive(Debug, Clone)]
-pub struct Branch {
+pub struct BranchPiece {
     /// Index of its piece.
     pub piece: usize,
     /// Its axis and radii.
-    pub tube: Tube,
+    pub tube: TaperedTube,
     /// Index of the branch on which it grows.
     pub parent: Option<usize>,
     /// Share of the parent's axis at which it grows.
@@ -67,7 +67,7 @@ pub struct Branch {
 
 /// A blade that was found.
 #[derive(Debug, Clone)]
-pub struct Leaf {
+pub struct LeafPiece {
     /// Index of its piece.
     pub piece: usize,
     /// Its middle (mm).
@@ -92,7 +92,7 @@ pub struct Leaf {
 
 /// A piece that is neither a tube nor a blade.
 #[derive(Debug, Clone)]
-pub struct Other {
+pub struct OtherPiece {
     /// Index of its piece.
     pub piece: usize,
     /// Its middle (mm).
@@ -107,7 +107,7 @@ pub struct Other {
 ///
 /// # Errors
 /// [`Error::Input`] in one sentence, for what [`soup::read`] refuses and for a file in which no piece is a tube.
-pub fn import(path: &Path, unit: Option<Unit>) -> Result<(Soup, Found)> {
+pub fn import(path: &Path, unit: Option<LengthUnit>) -> Result<(TriangleSoup, PlantPieces)> {
     let soup = soup::read(path, unit)?;
     let found = find(&soup, &|_| None);
     if found.branches.is_empty() {
@@ -125,7 +125,7 @@ pub fn import(path: &Path, unit: Option<Unit>) -> Result<(Soup, Found)> {
 
 /// What a material is known to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Matter {
+pub enum MaterialClass {
     /// Blades, whatever their shape is.
     Leaf,
     /// Wood, also where it is flat.
@@ -133,7 +133,7 @@ pub enum Matter {
 }
 
 /// Sizes that no plant has, a sentence each: the file's unit is probably another.
-pub fn strange(soup: &Soup, found: &Found) -> Vec<String> {
+pub fn strange(soup: &TriangleSoup, found: &PlantPieces) -> Vec<String> {
     let mut out = Vec::new();
     let mut lengths: Vec<f64> = found.leaves.iter().map(|leaf| leaf.size[0]).collect();
     lengths.sort_by(f64::total_cmp);
@@ -165,29 +165,29 @@ fn metres(mm: f64) -> String {
 }
 
 enum Kind {
-    Tube(Box<Tube>),
-    Leaf(Leaf),
-    Other(Other),
+    Tube(Box<TaperedTube>),
+    Leaf(LeafPiece),
+    Other(OtherPiece),
 }
 
 /// Finds the branches of a soup. `known` says what a material is, by its name, where that is known.
-pub fn find(soup: &Soup, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Found {
+pub fn find(soup: &TriangleSoup, known: &(impl Fn(&str) -> Option<MaterialClass> + Sync)) -> PlantPieces {
     let all = unjoined(soup, soup.pieces(), known);
-    let kind = |(k, piece): (usize, &Piece)| {
+    let kind = |(k, piece): (usize, &MeshPiece)| {
         let matter = known(soup.material(piece));
-        if matter != Some(Matter::Wood)
+        if matter != Some(MaterialClass::Wood)
             && let Some(leaf) = leaf::of(soup, piece)
         {
-            return Kind::Leaf(Leaf { piece: k, ..leaf });
+            return Kind::Leaf(LeafPiece { piece: k, ..leaf });
         }
-        let other = |why| Other { piece: k, centre: soup.centre(piece), triangles: piece.triangles.len(), why };
-        if matter == Some(Matter::Leaf) {
+        let other = |why| OtherPiece { piece: k, centre: soup.centre(piece), triangles: piece.triangles.len(), why };
+        if matter == Some(MaterialClass::Leaf) {
             return Kind::Other(other("it is not flat, expected a blade".into()));
         }
         axis::of(soup, piece).map_or_else(|why| Kind::Other(other(why)), |tube| Kind::Tube(Box::new(tube)))
     };
     let kinds: Vec<Kind> = all.par_iter().enumerate().map(kind).collect();
-    let mut found = Found { degenerate: soup.degenerate, doubled: soup.doubled, ..Found::default() };
+    let mut found = PlantPieces { degenerate: soup.degenerate, doubled: soup.doubled, ..PlantPieces::default() };
     let (mut tubes, mut of_tubes, mut refused) = (Vec::new(), Vec::new(), Vec::new());
     for (k, kind) in kinds.into_iter().enumerate() {
         match kind {
@@ -199,14 +199,14 @@ pub fn find(soup: &Soup, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Fo
             Kind::Other(other) => {
                 found.others.push(other);
                 // What is known to be a leaf carries nothing.
-                if known(soup.material(&all[k])) != Some(Matter::Leaf) {
+                if known(soup.material(&all[k])) != Some(MaterialClass::Leaf) {
                     refused.push(all[k].triangles.iter().map(|t| soup.corners(*t)).collect());
                 }
             }
         }
     }
     found.doubled += backs::take(soup, &all, &mut found.leaves);
-    found.branches = attach::attach(tubes, refused);
+    found.branches = attachment::attach(tubes, refused);
     found.branches.iter_mut().for_each(|branch| branch.piece = of_tubes[branch.piece]);
     leaf::hang(&mut found.leaves, &found.branches);
     found.pieces = all;
@@ -215,9 +215,13 @@ pub fn find(soup: &Soup, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Fo
 
 /// The pieces, where blades that touch each other only in a point, as leaflets at one stalk do, are pieces of their
 /// own.
-fn unjoined(soup: &Soup, pieces: Vec<Piece>, known: &(impl Fn(&str) -> Option<Matter> + Sync)) -> Vec<Piece> {
-    let cut = |piece: Piece| {
-        if known(soup.material(&piece)) != Some(Matter::Wood) {
+fn unjoined(
+    soup: &TriangleSoup,
+    pieces: Vec<MeshPiece>,
+    known: &(impl Fn(&str) -> Option<MaterialClass> + Sync),
+) -> Vec<MeshPiece> {
+    let cut = |piece: MeshPiece| {
+        if known(soup.material(&piece)) != Some(MaterialClass::Wood) {
             let parts = soup.apart(&piece);
             if parts.len() > 1 && parts.iter().all(|part| leaf::of(soup, part).is_some()) {
                 return parts;

@@ -1,7 +1,7 @@
 //! Blades that are cards with a picture, cut along the outline of what the picture shows.
 
 use glam::{DVec2, DVec3};
-use mesophyll_files::gltf_file::Mask;
+use mesophyll_files::gltf_file::AlphaMask;
 use mesophyll_files::mesh::{LeafMesh, vertex_tangents};
 use std::collections::HashMap;
 
@@ -28,7 +28,7 @@ fn between(a: Corner, b: Corner, t: f64) -> (DVec3, DVec3, DVec2) {
 
 /// Where between two corners, one of which is opaque, the mask's limit lies. Opacity changes within a few texels, which
 /// are smaller than the parts of a triangle, so that it is looked for by halves.
-fn crossing(a: Corner, b: Corner, mask: &Mask) -> f64 {
+fn crossing(a: Corner, b: Corner, mask: &AlphaMask) -> f64 {
     let [mut low, mut high] = [0.0, 1.0];
     for _ in 0..8 {
         let middle = 0.5 * (low + high);
@@ -40,7 +40,7 @@ fn crossing(a: Corner, b: Corner, mask: &Mask) -> f64 {
 
 /// The part of a mesh where a mask is opaque, or `None` where that is nothing. Each triangle is divided into `fine`²
 /// parts, which the outline crosses along straight lines.
-pub(super) fn cut(mesh: &LeafMesh, mask: &Mask, fine: usize) -> Option<LeafMesh> {
+pub(super) fn cut(mesh: &LeafMesh, mask: &AlphaMask, fine: usize) -> Option<LeafMesh> {
     let mut out = LeafMesh::default();
     for t in 0..mesh.triangles() {
         let [a, b, c] = mesh.triangle(t);
@@ -106,7 +106,7 @@ mod tests {
             // The opacity falls over two texels, as in pictures of leaves.
             (255.0 * (0.5 + (0.4 - x.hypot(y)) * n as f64 / 2.0).clamp(0.0, 1.0)) as u8
         };
-        let mask = Mask::new([n, n], (0..n * n).map(alpha).collect(), 0.5);
+        let mask = AlphaMask::new([n, n], (0..n * n).map(alpha).collect(), 0.5);
         let card = LeafMesh::rectangle(80.0, 60.0);
         let leaf = cut(&card, &mask, FINEST).unwrap();
         let area: f64 = (0..leaf.triangles())
@@ -124,7 +124,7 @@ mod tests {
         for (p, uv) in leaf.positions.iter().zip(&leaf.uvs) {
             assert!((uv.x - 0.5 - p.x / 80.0).abs() < 1e-9 && (0.5 - uv.y - p.y / 60.0).abs() < 1e-9);
         }
-        assert!(cut(&card, &Mask::new([1, 1], vec![0], 0.5), 4).is_none());
+        assert!(cut(&card, &AlphaMask::new([1, 1], vec![0], 0.5), 4).is_none());
         // Many shapes and leaves leave no triangles for outlines.
         assert_eq!(fineness([(2, 10_000)].into_iter()), 12);
         assert_eq!(fineness((0..200_000).map(|_| (2, 1))), 1);

@@ -4,9 +4,9 @@
 //! The plant's frame has z up; that of the file has y up. All that no branch was found for is wood that stands still on
 //! the nearest branch, so that nothing of the file is lost.
 
-use super::soup::{Piece, Soup};
-use super::{Found, Leaf as FoundLeaf, outline};
-use crate::form::{self, Blade, Branch, Joint, Leaf, Plant, Stated, nearest};
+use super::soup::{MeshPiece, TriangleSoup};
+use super::{LeafPiece as FoundLeaf, PlantPieces, outline};
+use crate::form::{self, Blade, Branch, BranchMotion, Joint, Leaf, Plant, nearest};
 use glam::{DMat4, DVec2, DVec3};
 use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
 use std::collections::{BTreeMap, HashMap};
@@ -18,7 +18,7 @@ const TRIED: usize = 24;
 
 /// What is not a matter of course about a plant that was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Made {
+pub struct ImportSummary {
     /// Branches whose parent is only the nearest one.
     pub near_branches: usize,
     /// Blades whose branch is only the nearest one.
@@ -33,8 +33,8 @@ fn upright(p: DVec3) -> DVec3 {
 }
 
 /// The plant, called `name`. Branches are called `b0`, `b1`, … as in the table.
-pub fn plant(soup: &Soup, found: &Found, name: &str) -> (Plant, Made) {
-    let mut made = Made { still: found.others.len(), ..Made::default() };
+pub fn plant(soup: &TriangleSoup, found: &PlantPieces, name: &str) -> (Plant, ImportSummary) {
+    let mut made = ImportSummary { still: found.others.len(), ..ImportSummary::default() };
     let mut out = Plant { name: name.into(), ..Plant::default() };
     let bark = barks(soup, found);
     for (k, one) in found.branches.iter().enumerate() {
@@ -69,7 +69,7 @@ pub fn plant(soup: &Soup, found: &Found, name: &str) -> (Plant, Made) {
             tip_radius: one.tube.tip_radius,
             load: 0.0,
             bending_load: 0.0,
-            stated: Stated::default(),
+            stated: BranchMotion::default(),
             material: bark[soup.material(piece)].clone(),
             wood: mesh(soup, std::slice::from_ref(piece), local),
         });
@@ -97,10 +97,10 @@ pub fn plant(soup: &Soup, found: &Found, name: &str) -> (Plant, Made) {
 }
 
 /// The plant as one that stands still: its wood is one piece a material, whatever branches were found.
-pub fn standing(soup: &Soup, found: &Found, name: &str) -> Plant {
+pub fn standing(soup: &TriangleSoup, found: &PlantPieces, name: &str) -> Plant {
     let mut out = Plant { name: name.into(), ..Plant::default() };
     let bark = barks(soup, found);
-    let mut pieces: BTreeMap<&str, Vec<Piece>> = BTreeMap::new();
+    let mut pieces: BTreeMap<&str, Vec<MeshPiece>> = BTreeMap::new();
     let wood = found.branches.iter().map(|b| b.piece).chain(found.others.iter().map(|o| o.piece));
     for k in wood {
         pieces.entry(soup.material(&found.pieces[k])).or_default().push(found.pieces[k].clone());
@@ -118,10 +118,10 @@ pub fn standing(soup: &Soup, found: &Found, name: &str) -> Plant {
 }
 
 /// All triangles of a material where they stand, with z up; none where the soup has no such material.
-pub fn part(soup: &Soup, material: &str) -> LeafMesh {
+pub fn part(soup: &TriangleSoup, material: &str) -> LeafMesh {
     let of = |t: &u32| soup.said.get(*t as usize).is_some_and(|c| soup.materials[c.material as usize] == material);
     let triangles = (0..soup.triangles.len() as u32).filter(of).collect();
-    mesh(soup, &[Piece { triangles }], |p| p)
+    mesh(soup, &[MeshPiece { triangles }], |p| p)
 }
 
 /// Wood without length, which does not bend.
@@ -137,7 +137,7 @@ fn still(name: String, root: DVec3, parent: Option<Joint>, material: &str, wood:
         tip_radius: 0.0,
         load: 0.0,
         bending_load: 0.0,
-        stated: Stated::default(),
+        stated: BranchMotion::default(),
         material: material.into(),
         wood,
     }
@@ -150,7 +150,7 @@ fn blade_name(name: &str) -> &str {
 
 /// The name of each material as a bark's. A scene maps a name either to a leaf or to a bark, so a material of both gets
 /// two names.
-fn barks<'a>(soup: &'a Soup, found: &Found) -> BTreeMap<&'a str, String> {
+fn barks<'a>(soup: &'a TriangleSoup, found: &PlantPieces) -> BTreeMap<&'a str, String> {
     let of_leaves: Vec<&str> = found.leaves.iter().map(|l| soup.material(&found.pieces[l.piece])).collect();
     let one = |name: &'a String| {
         let both = of_leaves.contains(&name.as_str());
@@ -167,7 +167,7 @@ fn barks<'a>(soup: &'a Soup, found: &Found) -> BTreeMap<&'a str, String> {
 }
 
 /// The file's colour of each material, by its names as a blade's and as a bark's.
-fn colours(soup: &Soup, bark: &BTreeMap<&str, String>) -> BTreeMap<String, [f64; 3]> {
+fn colours(soup: &TriangleSoup, bark: &BTreeMap<&str, String>) -> BTreeMap<String, [f64; 3]> {
     let named = |(name, colour): (&String, &[f64; 3])| {
         [blade_name(name).to_string(), bark[name.as_str()].clone()].map(|name| (name, *colour))
     };
@@ -176,7 +176,7 @@ fn colours(soup: &Soup, bark: &BTreeMap<&str, String>) -> BTreeMap<String, [f64;
 
 /// Some pieces as a mesh, each place moved by `local`, which turns and moves but does not scale. A vertex is one where
 /// place, normal and texture coordinates are the same.
-fn mesh(soup: &Soup, pieces: &[Piece], local: impl Fn(DVec3) -> DVec3) -> LeafMesh {
+fn mesh(soup: &TriangleSoup, pieces: &[MeshPiece], local: impl Fn(DVec3) -> DVec3) -> LeafMesh {
     let mut out = LeafMesh::default();
     let zero = local(DVec3::ZERO);
     let mut normals = true;
@@ -219,7 +219,7 @@ struct Shape<'a> {
 
 /// The shapes of all blades, and the leaves that are instances of these. A shape has the median length of its
 /// material's blades, and the outline that the material cuts out of its picture.
-fn blades(soup: &Soup, found: &Found, joint: impl Fn(&FoundLeaf) -> Joint) -> (Vec<Blade>, Vec<Leaf>) {
+fn blades(soup: &TriangleSoup, found: &PlantPieces, joint: impl Fn(&FoundLeaf) -> Joint) -> (Vec<Blade>, Vec<Leaf>) {
     let mut lengths: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for leaf in &found.leaves {
         lengths.entry(soup.material(&found.pieces[leaf.piece])).or_default().push(leaf.size[0]);

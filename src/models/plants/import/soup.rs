@@ -3,8 +3,8 @@
 use crate::file::{INSTANCING, MOST_TRIANGLES};
 use crate::{Error, Result};
 use glam::{DMat3, DMat4, DVec3, I64Vec3};
-use mesophyll_files::gltf_file::{self, DEEPEST, Mask, Opened, wide};
-use mesophyll_files::unit::Unit;
+use mesophyll_files::gltf_file::{self, AlphaMask, DEEPEST, GltfDocument, wide};
+use mesophyll_files::unit::LengthUnit;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
@@ -13,18 +13,18 @@ const WELD: f64 = 1e-6;
 
 /// Triangles, and the places of their corners.
 #[derive(Debug, Clone, Default)]
-pub struct Soup {
+pub struct TriangleSoup {
     /// Places of the vertices (mm).
     pub places: Vec<DVec3>,
     /// Indices of the three places of each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// What the file says of the corners of each triangle, in the same order.
-    pub said: Vec<Corners>,
+    pub said: Vec<TriangleCorners>,
     /// Names of materials, each once; "" for triangles without one. Of several materials without a name, each has its
     /// number.
     pub materials: Vec<String>,
     /// What each material cuts out of a picture; `None` where it cuts nothing out.
-    pub masks: Vec<Option<Mask>>,
+    pub masks: Vec<Option<AlphaMask>>,
     /// The colour of each material: linear reflectances of red, green and blue.
     pub colours: Vec<[f64; 3]>,
     /// Triangles without an area, which were left out.
@@ -35,7 +35,7 @@ pub struct Soup {
 
 /// What a file says of the corners of a triangle.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Corners {
+pub struct TriangleCorners {
     /// Unit normals; 0 where the file has none.
     pub normals: [[f32; 3]; 3],
     /// Texture coordinates; 0 where the file has none.
@@ -46,18 +46,18 @@ pub struct Corners {
 
 /// A set of connected triangles of one material.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Piece {
+pub struct MeshPiece {
     /// Indices of triangles.
     pub triangles: Vec<u32>,
 }
 
-type Given = ([DVec3; 3], Corners);
+type Given = ([DVec3; 3], TriangleCorners);
 
 struct Reader<'a> {
     path: &'a Path,
-    opened: &'a Opened,
+    opened: &'a GltfDocument,
     materials: Vec<String>,
-    masks: Vec<Option<Mask>>,
+    masks: Vec<Option<AlphaMask>>,
     colours: Vec<[f64; 3]>,
     out: Vec<Given>,
 }
@@ -68,7 +68,7 @@ struct Reader<'a> {
 /// [`Error::Input`] in one sentence, for what [`gltf_file::read`] and [`gltf_file::surface`] refuse, for more than
 /// [`MOST_TRIANGLES`] triangles, for transforms that are not finite, and for a file without a triangle that has an
 /// area.
-pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
+pub fn read(path: &Path, unit: Option<LengthUnit>) -> Result<TriangleSoup> {
     gltf_file::read(path, &[INSTANCING], |opened| {
         crate::file::count(path, &opened)?;
         let mut reader = Reader {
@@ -92,7 +92,11 @@ pub fn read(path: &Path, unit: Option<Unit>) -> Result<Soup> {
                 }
             }
         }
-        let soup = Soup { masks: reader.masks, colours: reader.colours, ..Soup::with(&reader.out, reader.materials) };
+        let soup = TriangleSoup {
+            masks: reader.masks,
+            colours: reader.colours,
+            ..TriangleSoup::with(&reader.out, reader.materials)
+        };
         if soup.triangles.is_empty() {
             let what = if soup.degenerate > 0 {
                 format!("all {} triangles are degenerate: none has an area", soup.degenerate)
@@ -142,7 +146,7 @@ impl Reader<'_> {
             let material = known.unwrap_or_else(|| {
                 self.materials.push(name);
                 let index = primitive.material().index();
-                self.masks.push(index.and_then(|k| Mask::of(self.path, self.opened, k)));
+                self.masks.push(index.and_then(|k| AlphaMask::of(self.path, self.opened, k)));
                 self.colours.push(index.map_or([1.0; 3], |k| gltf_file::colour(self.path, self.opened, k)));
                 self.materials.len() - 1
             }) as u32;
@@ -160,7 +164,7 @@ impl Reader<'_> {
                     let own = order.map(|k| t[k] as usize);
                     let uv = |k: usize| uvs.get(k).copied().filter(|uv| uv.iter().all(|v| v.is_finite()));
                     let uvs = own.map(|k| uv(k).unwrap_or_default());
-                    (own.map(|k| placed[k]), Corners { normals: own.map(normal), uvs, material })
+                    (own.map(|k| placed[k]), TriangleCorners { normals: own.map(normal), uvs, material })
                 }));
             }
         }
@@ -212,20 +216,20 @@ impl Sets {
     }
 }
 
-impl Soup {
+impl TriangleSoup {
     /// Merges vertices at the same place, and leaves out triangles without an area and those that repeat another.
-    pub fn new(corners: &[[DVec3; 3]]) -> Soup {
-        let given: Vec<Given> = corners.iter().map(|c| (*c, Corners::default())).collect();
-        Soup::with(&given, vec![String::new()])
+    pub fn new(corners: &[[DVec3; 3]]) -> TriangleSoup {
+        let given: Vec<Given> = corners.iter().map(|c| (*c, TriangleCorners::default())).collect();
+        TriangleSoup::with(&given, vec![String::new()])
     }
 
-    fn with(given: &[Given], materials: Vec<String>) -> Soup {
+    fn with(given: &[Given], materials: Vec<String>) -> TriangleSoup {
         let (low, high) = given
             .iter()
             .flat_map(|(corners, _)| corners)
             .fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), p| (a.min(*p), b.max(*p)));
         let cell = (WELD * (high - low).length()).max(f64::MIN_POSITIVE);
-        let mut soup = Soup { materials, ..Soup::default() };
+        let mut soup = TriangleSoup { materials, ..TriangleSoup::default() };
         let mut known: HashMap<I64Vec3, Vec<u32>> = HashMap::new();
         let mut seen: HashSet<[u32; 3]> = HashSet::with_capacity(given.len());
         for (triangle, said) in given {
@@ -277,13 +281,13 @@ impl Soup {
     }
 
     /// The name of a piece's material.
-    pub fn material(&self, piece: &Piece) -> &str {
+    pub fn material(&self, piece: &MeshPiece) -> &str {
         let first = piece.triangles.first().and_then(|t| self.said.get(*t as usize));
         first.and_then(|c| self.materials.get(c.material as usize)).map_or("", String::as_str)
     }
 
     /// What a material, by its name, cuts out of a picture.
-    pub fn mask(&self, material: &str) -> Option<&Mask> {
+    pub fn mask(&self, material: &str) -> Option<&AlphaMask> {
         let k = self.materials.iter().position(|own| own == material)?;
         self.masks.get(k)?.as_ref()
     }
@@ -294,7 +298,7 @@ impl Soup {
     }
 
     /// Mean place of a piece, with each triangle weighted by its area.
-    pub fn centre(&self, piece: &Piece) -> DVec3 {
+    pub fn centre(&self, piece: &MeshPiece) -> DVec3 {
         let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
         for t in &piece.triangles {
             let [a, b, c] = self.corners(*t);
@@ -306,7 +310,7 @@ impl Soup {
     }
 
     /// The parts of a piece that have no edge in common, in the order of their first triangles.
-    pub fn apart(&self, piece: &Piece) -> Vec<Piece> {
+    pub fn apart(&self, piece: &MeshPiece) -> Vec<MeshPiece> {
         let mut sets = Sets((0..piece.triangles.len() as u32).collect());
         let mut first: HashMap<[u32; 2], u32> = HashMap::new();
         for (k, t) in piece.triangles.iter().enumerate() {
@@ -315,7 +319,7 @@ impl Soup {
                 sets.join(*first.entry([from.min(to), from.max(to)]).or_insert(k as u32), k as u32);
             }
         }
-        let mut out: BTreeMap<u32, Piece> = BTreeMap::new();
+        let mut out: BTreeMap<u32, MeshPiece> = BTreeMap::new();
         for (k, t) in piece.triangles.iter().enumerate() {
             out.entry(sets.top(k as u32)).or_default().triangles.push(*t);
         }
@@ -323,7 +327,7 @@ impl Soup {
     }
 
     /// The pieces, in the order of their first triangles. Triangles of different materials are never in one piece.
-    pub fn pieces(&self) -> Vec<Piece> {
+    pub fn pieces(&self) -> Vec<MeshPiece> {
         // The same place is another vertex for each further material.
         let mut sets = Sets((0..self.places.len() as u32).collect());
         let mut more: HashMap<(u32, u32), u32> = HashMap::new();
@@ -339,10 +343,10 @@ impl Soup {
             vertices.push(a);
         }
         let mut number: HashMap<u32, usize> = HashMap::new();
-        let mut out: Vec<Piece> = Vec::new();
+        let mut out: Vec<MeshPiece> = Vec::new();
         for (t, a) in vertices.into_iter().enumerate() {
             let k = *number.entry(sets.top(a)).or_insert_with(|| {
-                out.push(Piece::default());
+                out.push(MeshPiece::default());
                 out.len() - 1
             });
             out[k].triangles.push(t as u32);

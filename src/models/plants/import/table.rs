@@ -1,6 +1,6 @@
 //! Writes what was found as tables: `branches.csv`, `leaves.csv` and `others.csv`.
 
-use super::Found;
+use super::PlantPieces;
 use crate::Result;
 use mesophyll_files::{atomic, table::push_text};
 use std::fmt::Write;
@@ -19,7 +19,7 @@ pub const OTHERS: &str = "piece,x,y,z,triangles,status";
 ///
 /// # Errors
 /// As [`atomic::write_bytes`].
-pub fn write(found: &Found, folder: &Path) -> Result<()> {
+pub fn write(found: &PlantPieces, folder: &Path) -> Result<()> {
     for (name, text) in
         [("leaves.csv", leaves(found)), ("others.csv", others(found)), ("branches.csv", branches(found))]
     {
@@ -36,7 +36,7 @@ fn quoted(text: &str) -> String {
 }
 
 /// The text of `branches.csv`. The direction is from the root to the tip.
-pub fn branches(found: &Found) -> String {
+pub fn branches(found: &PlantPieces) -> String {
     let mut out = format!("{BRANCHES}\n");
     for (k, b) in found.branches.iter().enumerate() {
         let tube = &b.tube;
@@ -67,7 +67,7 @@ pub fn branches(found: &Found) -> String {
     out
 }
 
-fn leaves(found: &Found) -> String {
+fn leaves(found: &PlantPieces) -> String {
     let mut out = format!("{LEAVES}\n");
     for (k, leaf) in found.leaves.iter().enumerate() {
         let (branch, at) = leaf.joint.map_or_else(Default::default, |(b, at)| (format!("b{b}"), format!("{at}")));
@@ -88,7 +88,7 @@ fn leaves(found: &Found) -> String {
     out
 }
 
-fn others(found: &Found) -> String {
+fn others(found: &PlantPieces) -> String {
     let mut out = format!("{OTHERS}\n");
     for (k, other) in found.others.iter().enumerate() {
         let (c, why) = (other.centre, quoted(&format!("refused: {}", other.why)));

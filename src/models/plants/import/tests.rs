@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::form::Plant;
-use crate::grow::{grow, spec::Spec};
+use crate::growth::{grow, spec::PlantSpec};
 use glam::{DMat4, DQuat};
 use mesophyll_files::glb::{self, Glb};
 use mesophyll_files::mesh::LeafMesh;
@@ -70,7 +70,7 @@ fn write_soup(meshes: &[LeafMesh], style: Style, path: &Path) {
 
 /// The share of known branches that were found (root within two radii, length within 5 %), and the share of them with
 /// the right parent.
-fn judge(known: &[Known], found: &Found) -> [f64; 2] {
+fn judge(known: &[Known], found: &PlantPieces) -> [f64; 2] {
     let mut taken = vec![false; found.branches.len()];
     let matched: Vec<Option<usize>> = known
         .iter()
@@ -118,10 +118,10 @@ fn of_plant(plant: &Plant) -> (Vec<LeafMesh>, Vec<Known>) {
 
 fn preset(name: &str) -> Plant {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../data/plants").join(format!("{name}.toml"));
-    grow(&Spec::read(&path).unwrap(), None)
+    grow(&PlantSpec::read(&path).unwrap(), None)
 }
 
-fn through_a_file(meshes: &[LeafMesh], style: Style) -> Found {
+fn through_a_file(meshes: &[LeafMesh], style: Style) -> PlantPieces {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("soup.glb");
     write_soup(meshes, style, &path);
@@ -150,7 +150,7 @@ fn branches_of_a_grown_tree_are_found() {
     assert!(there >= 0.99 && right >= 0.97, "{there} {right}");
     assert_eq!(found.leaves.len(), plant.leaves.len());
     // The radii at both ends are right.
-    let radius = |tube: &Tube| (tube.root_radius, tube.tip_radius);
+    let radius = |tube: &TaperedTube| (tube.root_radius, tube.tip_radius);
     let trunk = &found.branches[0].tube;
     assert!((radius(trunk).0 / plant.branches[0].root_radius - 1.0).abs() < 0.02, "{:?}", radius(trunk));
     let hung = found.leaves.iter().filter(|l| l.joint.is_some()).count();
@@ -318,7 +318,7 @@ fn bark_that_forks_is_listed_and_what_it_carries_is_not_guessed() {
         let found = through_a_file(&walk.meshes, PLAIN);
         assert_eq!((found.branches.len(), found.others.len()), (3, 1), "{length}");
         assert!(found.others[0].why.contains("it forks"), "{}", found.others[0].why);
-        let stands = |b: &super::Branch| b.unattached.as_ref().is_some_and(|why| why.contains("others.csv"));
+        let stands = |b: &super::BranchPiece| b.unattached.as_ref().is_some_and(|why| why.contains("others.csv"));
         assert_eq!(found.branches.iter().filter(|b| stands(b)).count(), 2, "{length}");
         assert!(found.branches.iter().all(|b| b.level.is_none() && (stands(b) || b.parent.is_some())), "{length}");
     }

@@ -14,13 +14,13 @@
 //! Eq. 4.13 adds two length corrections and does not turn cross-sections. Its Eq. 4.14 takes the Jacobian of the
 //! uncorrected deflection (and row 3 prints d_s/s_r for d_s/s_s). Beyond the tip a vertex moves rigidly with the tip.
 
-use super::length::{Bent, bend};
-use super::scalar::Scalar;
-use super::taper::Shape;
+use super::length::{AxisPoint, bend};
+use super::scalar::BendingScalar;
+use super::taper::TaperShape;
 
 /// A branch at rest: root, orthonormal frame (t from root to tip), length (m, or whatever the vertices are in).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Branch<T> {
+pub struct BranchFrame<T> {
     /// Where the branch begins.
     pub root: [T; 3],
     /// Unit vector from root to tip.
@@ -32,12 +32,12 @@ pub struct Branch<T> {
     /// Distance from root to tip.
     pub length: T,
     /// How it bends.
-    pub shape: Shape<T>,
+    pub shape: TaperShape<T>,
 }
 
 /// A vertex after bending. Tangent and normal have length 1 (zero vectors stay zero).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Deformed<T> {
+pub struct DeformedVertex<T> {
     /// The vertex after bending.
     pub position: [T; 3],
     /// Tangent there, of length 1 or 0.
@@ -48,7 +48,7 @@ pub struct Deformed<T> {
 
 /// The branch's frame where something is attached: a leaf or a sub-branch moves rigidly with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Joint<T> {
+pub struct JointFrame<T> {
     /// The axis there.
     pub position: [T; 3],
     /// Unit vector along the axis there.
@@ -62,23 +62,23 @@ pub struct Joint<T> {
 /// Smallest stretch on the inside of a bend: with less the surface would fold through itself.
 const LEAST_STRETCH: f64 = 0.05;
 
-fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
+fn dot<T: BendingScalar>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// x a + y b + z c.
-fn mix<T: Scalar>(x: T, a: [T; 3], y: T, b: [T; 3], z: T, c: [T; 3]) -> [T; 3] {
+fn mix<T: BendingScalar>(x: T, a: [T; 3], y: T, b: [T; 3], z: T, c: [T; 3]) -> [T; 3] {
     std::array::from_fn(|k| x * a[k] + y * b[k] + z * c[k])
 }
 
-fn unit<T: Scalar>(v: [T; 3]) -> [T; 3] {
+fn unit<T: BendingScalar>(v: [T; 3]) -> [T; 3] {
     let length = dot(v, v).sqrt();
     if length > T::zero() { v.map(|c| c / length) } else { v }
 }
 
 /// The plane of bending at one place along a branch.
 struct Plane<T> {
-    bent: Bent<T>,
+    bent: AxisPoint<T>,
     /// Direction of the load, and the direction that bending does not change, in the frame of the branch at rest.
     e: [T; 3],
     b: [T; 3],
@@ -89,7 +89,7 @@ struct Plane<T> {
     share: [T; 2],
 }
 
-impl<T: Scalar> Branch<T> {
+impl<T: BendingScalar> BranchFrame<T> {
     /// `amplitude`: A_r and A_s, in units of the branch's length for each unit of normalised deflection: F/(E′r₁⁴) over
     /// L, along r and s.
     fn plane(&self, x: T, amplitude: [T; 2]) -> Plane<T> {
@@ -117,7 +117,7 @@ impl<T: Scalar> Branch<T> {
     }
 
     /// Moves a vertex; `amplitude` as (A_r, A_s) = F/(E′r₁⁴)/L towards r and s (see [`Branch::amplitude_of_tip`]).
-    pub fn deform(&self, amplitude: [T; 2], position: [T; 3], tangent: [T; 3], normal: [T; 3]) -> Deformed<T> {
+    pub fn deform(&self, amplitude: [T; 2], position: [T; 3], tangent: [T; 3], normal: [T; 3]) -> DeformedVertex<T> {
         let local: [T; 3] = std::array::from_fn(|k| position[k] - self.root[k]);
         let along = dot(local, self.t) / self.length;
         let x = along.at_least(T::zero()).at_most(T::one());
@@ -142,7 +142,7 @@ impl<T: Scalar> Branch<T> {
                 plane.b,
             ))
         };
-        Deformed {
+        DeformedVertex {
             position: std::array::from_fn(|k| axis[k] + off[k]),
             tangent: turn(tangent, stretch),
             normal: turn(normal, T::one() / stretch),
@@ -150,11 +150,11 @@ impl<T: Scalar> Branch<T> {
     }
 
     /// The frame at `x` (0 root, 1 tip) after bending.
-    pub fn joint(&self, amplitude: [T; 2], x: T) -> Joint<T> {
+    pub fn joint(&self, amplitude: [T; 2], x: T) -> JointFrame<T> {
         let plane = self.plane(x.at_least(T::zero()).at_most(T::one()), amplitude);
         let [c, d] = plane.share;
         let zero = T::zero();
-        Joint {
+        JointFrame {
             position: self.axis(&plane),
             t: plane.turned_t,
             r: mix(c, plane.turned_e, -d, plane.b, zero, plane.b),
@@ -163,20 +163,20 @@ impl<T: Scalar> Branch<T> {
     }
 
     /// Carries a point that is attached to the branch at `x`: it moves rigidly with the bend at `x`.
-    pub fn carry(&self, joint: &Joint<T>, x: T, point: [T; 3]) -> [T; 3] {
+    pub fn carry(&self, joint: &JointFrame<T>, x: T, point: [T; 3]) -> [T; 3] {
         let rest: [T; 3] = std::array::from_fn(|k| point[k] - self.root[k] - x * self.length * self.t[k]);
         let turned = self.turn(joint, rest);
         std::array::from_fn(|k| joint.position[k] + turned[k])
     }
 
     /// Turns a direction that is attached to the branch (a leaf's normal, a sub-branch's axes) with the bend.
-    pub fn turn(&self, joint: &Joint<T>, direction: [T; 3]) -> [T; 3] {
+    pub fn turn(&self, joint: &JointFrame<T>, direction: [T; 3]) -> [T; 3] {
         mix(dot(direction, self.t), joint.t, dot(direction, self.r), joint.r, dot(direction, self.s), joint.s)
     }
 
     /// Carries a sub-branch that is attached at `x`. The sub-branch itself is still at rest; bend it afterwards.
-    pub fn child(&self, joint: &Joint<T>, x: T, child: &Branch<T>) -> Branch<T> {
-        Branch {
+    pub fn child(&self, joint: &JointFrame<T>, x: T, child: &BranchFrame<T>) -> BranchFrame<T> {
+        BranchFrame {
             root: self.carry(joint, x, child.root),
             t: self.turn(joint, child.t),
             r: self.turn(joint, child.r),
@@ -192,11 +192,11 @@ impl<T: Scalar> Branch<T> {
     }
 }
 
-impl Branch<f64> {
+impl BranchFrame<f64> {
     /// The same branch as a shader holds it.
-    pub fn single(&self) -> Branch<f32> {
+    pub fn single(&self) -> BranchFrame<f32> {
         let f = |v: [f64; 3]| v.map(|c| c as f32);
-        Branch {
+        BranchFrame {
             root: f(self.root),
             t: f(self.t),
             r: f(self.r),
@@ -212,19 +212,19 @@ mod tests {
     use super::*;
 
     /// Coefficients of a slender taper. The test is about the map, not about their accuracy.
-    fn branch() -> Branch<f64> {
+    fn branch() -> BranchFrame<f64> {
         let (c, s) = (0.6, 0.8);
-        Branch {
+        BranchFrame {
             root: [0.3, -1.0, 2.0],
             t: [c, s, 0.0],
             r: [-s, c, 0.0],
             s: [0.0, 0.0, 1.0],
             length: 2.5,
-            shape: Shape::new(0.2, [0.82, -0.95, 0.66, -0.02]),
+            shape: TaperShape::new(0.2, [0.82, -0.95, 0.66, -0.02]),
         }
     }
 
-    fn at(b: &Branch<f64>, x: f64, e: [f64; 2]) -> [f64; 3] {
+    fn at(b: &BranchFrame<f64>, x: f64, e: [f64; 2]) -> [f64; 3] {
         std::array::from_fn(|k| b.root[k] + x * b.length * b.t[k] + e[0] * b.r[k] + e[1] * b.s[k])
     }
 
@@ -279,7 +279,7 @@ mod tests {
         }
         // The same bend in a frame that is turned so that the bend is along r alone.
         let (c, s) = (0.8, 0.6);
-        let turned = Branch { r: mix(c, b.r, s, b.s, 0.0, b.t), s: mix(-s, b.r, c, b.s, 0.0, b.t), ..b };
+        let turned = BranchFrame { r: mix(c, b.r, s, b.s, 0.0, b.t), s: mix(-s, b.r, c, b.s, 0.0, b.t), ..b };
         let one = b.deform([0.8 * 1.3, 0.6 * 1.3], p, t, t);
         let other = turned.deform([1.3, 0.0], p, t, t);
         for k in 0..3 {
@@ -310,7 +310,7 @@ mod tests {
         // A sub-branch keeps its own frame orthonormal, and its distances to the joint.
         let j = b.joint(amplitude, 0.5);
         let child =
-            b.child(&j, 0.5, &Branch { root: at(&b, 0.5, [0.2, 0.0]), t: b.r, r: b.s, s: b.t, length: 0.5, ..b });
+            b.child(&j, 0.5, &BranchFrame { root: at(&b, 0.5, [0.2, 0.0]), t: b.r, r: b.s, s: b.t, length: 0.5, ..b });
         assert!((dot(child.t, child.r)).abs() < 1e-12 && (dot(child.t, child.t) - 1.0).abs() < 1e-12);
         let arm: [f64; 3] = std::array::from_fn(|k| child.root[k] - j.position[k]);
         assert!((dot(arm, arm) - 0.04).abs() < 1e-12 && (dot(arm, child.t) - 0.2).abs() < 1e-12);

@@ -18,13 +18,13 @@
 //! exact beam is [`super::elastica`], which a measurement sees.
 
 use super::beam;
-use super::quadrature::{Node, TWELVE, TWENTY_FOUR, four};
-use super::scalar::Scalar;
-use super::taper::{Shape, coordinate, polynomial, position};
+use super::quadrature::{NodeWeight, TWELVE, TWENTY_FOUR, four};
+use super::scalar::BendingScalar;
+use super::taper::{TaperShape, coordinate, polynomial, position};
 
 /// A place on the bent axis, in units of the branch's length: across and along are in the plane of bending.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bent<T> {
+pub struct AxisPoint<T> {
     /// Along the straight axis.
     pub along: T,
     /// In the direction of the load.
@@ -39,7 +39,7 @@ pub struct Bent<T> {
 
 /// H9 Eq. 4.9–4.11 at `x`, given A u(x) and A u′(x). Returns x − d/s, where Eq. 4.14 takes its slope and which is also
 /// the place along the axis, and the place across.
-pub fn printed<T: Scalar>(x: T, u: T, du: T) -> (T, T) {
+pub fn printed<T: BendingScalar>(x: T, u: T, du: T) -> (T, T) {
     let s = (T::one() + du * du).sqrt();
     // d/s with d = u (s−1)/u′ = u u′/(1+s).
     (x - u * du / ((T::one() + s) * s), u / s)
@@ -49,7 +49,7 @@ pub fn printed<T: Scalar>(x: T, u: T, du: T) -> (T, T) {
 pub const STEPS: usize = 2;
 
 /// Where the point at arc length `x` (0 to 1) moves to for an amplitude A ≥ 0. The result is finite for finite input.
-pub fn bend<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T) -> Bent<T> {
+pub fn bend<T: BendingScalar>(shape: &TaperShape<T>, x: T, amplitude: T) -> AxisPoint<T> {
     let nodes = four().map(|(t, g)| (T::of(t), T::of(g)));
     bend_with(shape, x, amplitude, &nodes, STEPS)
 }
@@ -58,7 +58,13 @@ pub fn bend<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T) -> Bent<T> {
 const LAST: f64 = 1e-7;
 
 /// [`bend`] with any rule and at most so many steps.
-pub fn bend_with<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T, nodes: &[(T, T)], steps: usize) -> Bent<T> {
+pub fn bend_with<T: BendingScalar>(
+    shape: &TaperShape<T>,
+    x: T,
+    amplitude: T,
+    nodes: &[(T, T)],
+    steps: usize,
+) -> AxisPoint<T> {
     let curve = Curve { shape, amplitude };
     let (u, du) = shape.at(x);
     let start = printed(x, amplitude * u, amplitude * du).0;
@@ -82,11 +88,11 @@ pub fn bend_with<T: Scalar>(shape: &Shape<T>, x: T, amplitude: T, nodes: &[(T, T
 
 /// The graph of A u in the coordinate y.
 struct Curve<'a, T> {
-    shape: &'a Shape<T>,
+    shape: &'a TaperShape<T>,
     amplitude: T,
 }
 
-impl<T: Scalar> Curve<'_, T> {
+impl<T: BendingScalar> Curve<'_, T> {
     /// Velocity: d(along)/dy = α^y ℓ and d(across)/dy = A P′.
     fn velocity(&self, y: T) -> [T; 2] {
         [(y * self.shape.ln_alpha).exp() * self.shape.ell, self.amplitude * polynomial(&self.shape.a, y)[1]]
@@ -97,11 +103,11 @@ impl<T: Scalar> Curve<'_, T> {
         (a * a + b * b).sqrt()
     }
 
-    fn at(&self, y: T) -> Bent<T> {
+    fn at(&self, y: T) -> AxisPoint<T> {
         let [p, dp, ddp] = polynomial(&self.shape.a, y);
         let [a, b] = self.velocity(y);
         let speed = (a * a + b * b).sqrt();
-        Bent {
+        AxisPoint {
             along: position(self.shape, y),
             across: self.amplitude * p,
             cos: a / speed,
@@ -114,7 +120,7 @@ impl<T: Scalar> Curve<'_, T> {
 
 /// Length of the bent axis between the root and the point that [`bend`] gives for `x`, divided by x. It is 1 where the
 /// length is kept.
-pub fn kept(shape: &Shape<f64>, bent: &Bent<f64>, x: f64, amplitude: f64) -> f64 {
+pub fn kept(shape: &TaperShape<f64>, bent: &AxisPoint<f64>, x: f64, amplitude: f64) -> f64 {
     let curve = Curve { shape, amplitude };
     let y = coordinate(shape, bent.along);
     y * TWENTY_FOUR.iter().map(|(t, g)| g * curve.speed(y * t)).sum::<f64>() / x
@@ -122,12 +128,12 @@ pub fn kept(shape: &Shape<f64>, bent: &Bent<f64>, x: f64, amplitude: f64) -> f64
 
 /// The graph of the exact A u, with the arc length solved to 1e-10: `alpha` as in [`beam::deflection`], any amplitude
 /// (its sign is the side).
-pub fn settled(alpha: f64, x: f64, amplitude: f64) -> Bent<f64> {
+pub fn settled(alpha: f64, x: f64, amplitude: f64) -> AxisPoint<f64> {
     settled_with(&TWELVE, alpha, x, amplitude)
 }
 
-fn settled_with(nodes: &[Node], alpha: f64, x: f64, amplitude: f64) -> Bent<f64> {
-    let shape = Shape::new(alpha, [0.0; 4]);
+fn settled_with(nodes: &[NodeWeight], alpha: f64, x: f64, amplitude: f64) -> AxisPoint<f64> {
+    let shape = TaperShape::new(alpha, [0.0; 4]);
     // d(along)/dy = w ℓ, so that the arc to y is the integral of ℓ w √(1 + (A u′)²): u′ w is smooth up to the tip.
     let speed = |y: f64| {
         let at = position(&shape, y).min(1.0);
@@ -149,7 +155,7 @@ fn settled_with(nodes: &[Node], alpha: f64, x: f64, amplitude: f64) -> Bent<f64>
     let at = position(&shape, y).min(1.0);
     let rise = amplitude * beam::slope(alpha, at);
     let s = (1.0 + rise * rise).sqrt();
-    Bent {
+    AxisPoint {
         along: at,
         across: amplitude * beam::deflection(alpha, at),
         cos: 1.0 / s,
@@ -231,7 +237,7 @@ mod tests {
     #[test]
     fn nothing_moves_without_a_load_and_roots_stay() {
         for alpha in [1e-4, 0.4, 1.0] {
-            let shape = Shape::new(alpha, [0.2, -0.05, 0.02, 0.01]);
+            let shape = TaperShape::new(alpha, [0.2, -0.05, 0.02, 0.01]);
             for x in [0.0, 0.3, 1.0] {
                 let b = bend(&shape, x, 0.0);
                 assert!((b.along - x).abs() < 1e-13 && b.across == 0.0 && b.sin == 0.0 && b.curvature == 0.0, "{b:?}");

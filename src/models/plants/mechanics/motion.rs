@@ -14,7 +14,7 @@
 //! removes 10 % of the power there; directed textures compensate for it). A texture of n texels a side then contains
 //! frequencies down to f_min = 8 f_max/n. (The print has f_max/(8 n).)
 
-use super::motion_spectrum::{Method, Rings};
+use super::motion_spectrum::{SpectrumMethod, SpectrumRings};
 use mesophyll_base::fourier::Complex;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -25,7 +25,7 @@ pub const TEXELS_A_CYCLE: usize = 8;
 
 /// A texture of `size` × `size` texels, row by row, texel centres at (i + ½)/size.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Motion {
+pub struct MotionTexture {
     /// Texels along each edge.
     pub size: usize,
     /// Lowest frequency that it contains (Hz), for a line at [`Motion::speed`].
@@ -35,18 +35,18 @@ pub struct Motion {
     /// Displacements towards r and s, a texel each, row by row.
     pub values: Vec<[f32; 2]>,
     /// How the texture was made.
-    pub method: Method,
+    pub method: SpectrumMethod,
 }
 
 /// The four texels around a place in a texture, and where the place is among them. [`Motion::sample`] does all at once;
 /// who reads at many places works out all cells first and then reads them, so that memory is waited for only once.
 #[derive(Debug, Clone, Copy)]
-pub struct Cell {
+pub struct TextureCell {
     texels: [usize; 4],
     share: [f64; 2],
 }
 
-impl Cell {
+impl TextureCell {
     /// The values of the four texels, linearly filtered.
     pub fn between(&self, texels: &[[f32; 2]; 4]) -> [f64; 2] {
         let [fx, fy] = self.share;
@@ -126,7 +126,7 @@ fn nearly_rational(angle: f64) -> bool {
     })
 }
 
-impl Motion {
+impl MotionTexture {
     /// Speed (texture units a second) at which a line has the texture's frequencies. A branch whose own resonance is f
     /// instead of the texture's f_h moves f/f_h times as fast (H9 "Branch frequencies"). Its density is then f_h/f
     /// times the wanted one, at f/f_h times the frequency.
@@ -137,7 +137,13 @@ impl Motion {
     /// A texture whose lines have the `spectrum` (one-sided power density over Hz) from `highest`·8/`size` up to
     /// `highest` (Hz). `size` is at least 32 texels; powers of two are fastest. `None` for a smaller size, a `highest`
     /// that is not positive, or a spectrum that is not positive and finite there.
-    pub fn new(spectrum: impl Fn(f64) -> f64, highest: f64, size: usize, seed: u64, method: Method) -> Option<Motion> {
+    pub fn new(
+        spectrum: impl Fn(f64) -> f64,
+        highest: f64,
+        size: usize,
+        seed: u64,
+        method: SpectrumMethod,
+    ) -> Option<MotionTexture> {
         if size < 32 || !(highest > 0.0 && highest.is_finite()) {
             return None;
         }
@@ -156,15 +162,15 @@ impl Motion {
             let x = std::f64::consts::PI * k as f64 / size as f64;
             if x == 0.0 { 1.0 } else { (x.sin() / x).powi(4) }
         };
-        let rings = Rings::new(spectrum, lowest, count, method);
+        let rings = SpectrumRings::new(spectrum, lowest, count, method);
         let mut rng = Pcg64::seed_from_u64(seed);
         let mut field = vec![Complex::new(0.0, 0.0); size * size];
         let reach = count as i64;
         for row in -reach..=reach {
             for column in -reach..=reach {
                 let ring = match method {
-                    Method::Directed if row.abs() > across => 0,
-                    Method::Directed => column.unsigned_abs() as usize,
+                    SpectrumMethod::Directed if row.abs() > across => 0,
+                    SpectrumMethod::Directed => column.unsigned_abs() as usize,
                     _ => ((row * row + column * column) as f64).sqrt().round() as usize,
                 };
                 // It is drawn for every place, so that the pattern of phases is the same when the spectrum changes.
@@ -176,7 +182,7 @@ impl Motion {
                 // and the sum of this many waves is Gaussian. (H9 Eq. 4.18 also draws the sizes; then the spectrum of a
                 // single texture scatters.)
                 let density = match method {
-                    Method::Directed => directed[ring - 1] / (filtered(row) * filtered(column)),
+                    SpectrumMethod::Directed => directed[ring - 1] / (filtered(row) * filtered(column)),
                     _ => rings.0[ring - 1],
                 };
                 let size_of = (2.0 * density).sqrt();
@@ -185,7 +191,7 @@ impl Motion {
             }
         }
         inverse_transform(&mut field, size);
-        Some(Motion {
+        Some(MotionTexture {
             size,
             lowest,
             highest,
@@ -198,7 +204,7 @@ impl Motion {
     /// resonance over the texture's).
     pub fn trajectory(&self, seed: u64, faster: f64) -> Trajectory {
         let speed = faster * self.speed();
-        if self.method == Method::Directed {
+        if self.method == SpectrumMethod::Directed {
             Trajectory::along(seed, speed, self.size)
         } else {
             Trajectory::new(seed, speed)
@@ -213,7 +219,7 @@ impl Motion {
     }
 
     /// The texels around a place in texture units.
-    pub fn cell(&self, at: [f64; 2]) -> Cell {
+    pub fn cell(&self, at: [f64; 2]) -> TextureCell {
         let n = self.size;
         let [(x0, x1, fx), (y0, y1, fy)] = at.map(|c| {
             let c = wrapped(c) * n as f64 + 0.5;
@@ -221,11 +227,11 @@ impl Motion {
             let after = (c as usize).min(n);
             (if after == 0 { n - 1 } else { after - 1 }, if after == n { 0 } else { after }, c - after as f64)
         });
-        Cell { texels: [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| y * n + x), share: [fx, fy] }
+        TextureCell { texels: [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| y * n + x), share: [fx, fy] }
     }
 
     /// Both channels of a cell's texels.
-    pub fn texels(&self, cell: &Cell) -> [[f32; 2]; 4] {
+    pub fn texels(&self, cell: &TextureCell) -> [[f32; 2]; 4] {
         cell.texels.map(|k| self.values[k])
     }
 
@@ -255,7 +261,12 @@ fn inverse_transform(field: &mut [Complex<f64>], size: usize) {
 /// How far the spectrum of lines through a texture is from the wanted one: root mean square of log₁₀(measured/wanted)
 /// over `bands` bands. The bands are even in ln f between twice the lowest and the highest frequency, and the spectrum
 /// is measured along `lines` trajectories in both channels. Also returns the bands: (frequency, wanted, measured).
-pub fn deviation(motion: &Motion, spectrum: impl Fn(f64) -> f64, lines: u64, bands: usize) -> (f64, Vec<[f64; 3]>) {
+pub fn deviation(
+    motion: &MotionTexture,
+    spectrum: impl Fn(f64) -> f64,
+    lines: u64,
+    bands: usize,
+) -> (f64, Vec<[f64; 3]>) {
     let dt = 1.0 / (TEXELS_A_CYCLE as f64 * motion.highest);
     // Eight times the resolution of the texture: neighbouring lines of its lattice are averaged within a band.
     let segment = 8 * motion.size;
@@ -308,10 +319,11 @@ mod tests {
         for (ratio, limit) in [(2.0, 0.08), (0.25, 0.08), (0.1, 0.25)] {
             let s = sway(ratio);
             let of = |method| {
-                let motion = Motion::new(|f| s.spectrum(f), s.highest(), 256, 5, method).unwrap();
+                let motion = MotionTexture::new(|f| s.spectrum(f), s.highest(), 256, 5, method).unwrap();
                 deviation(&motion, |f| s.spectrum(f), 4, 16).0
             };
-            let (plain, abel, directed) = (of(Method::Plain), of(Method::InverseAbel), of(Method::Directed));
+            let (plain, abel, directed) =
+                (of(SpectrumMethod::Plain), of(SpectrumMethod::InverseAbel), of(SpectrumMethod::Directed));
             println!(
                 "damping {ratio} of critical: RMS log10 deviation {plain:.3} plain, {abel:.3} inverse Abel, \
                  {directed:.3} directed"
@@ -325,7 +337,8 @@ mod tests {
     #[test]
     fn textures_are_seeded_periodic_and_in_units() {
         let s = sway(0.5);
-        let make = |seed| Motion::new(|f| s.spectrum(f), s.highest(), 128, seed, Method::InverseAbel).unwrap();
+        let make =
+            |seed| MotionTexture::new(|f| s.spectrum(f), s.highest(), 128, seed, SpectrumMethod::InverseAbel).unwrap();
         let a = make(3);
         assert_eq!(a, make(3));
         assert_ne!(a, make(4));
@@ -339,7 +352,7 @@ mod tests {
         assert!((v[0] - f64::from(a.values[100 * 128 + 7][0])).abs() < 1e-6 * a.rms()[0]);
         // Twice the lean gives twice the motion: the texture has units and is not normalised.
         let twice = Sway { lean: 0.2, ..s };
-        let b = Motion::new(|f| twice.spectrum(f), s.highest(), 128, 3, Method::InverseAbel).unwrap();
+        let b = MotionTexture::new(|f| twice.spectrum(f), s.highest(), 128, 3, SpectrumMethod::InverseAbel).unwrap();
         assert!((b.rms()[1] / a.rms()[1] - 2.0).abs() < 1e-5);
         // The variance is that of the band: the sum over the lattice's frequencies of what a line sees, within the
         // scatter of one draw.
@@ -353,7 +366,7 @@ mod tests {
     #[test]
     fn lines_do_not_repeat_within_ten_minutes() {
         let s = sway(0.15);
-        let motion = Motion::new(|f| s.spectrum(f), s.highest(), 1024, 5, Method::Directed).unwrap();
+        let motion = MotionTexture::new(|f| s.spectrum(f), s.highest(), 1024, 5, SpectrumMethod::Directed).unwrap();
         let dt = 0.11;
         for seed in 0..3 {
             let path = motion.trajectory(seed, 1.0);
@@ -375,10 +388,10 @@ mod tests {
     #[test]
     fn impossible_textures_are_refused_and_lines_do_not_close() {
         let s = sway(0.5);
-        assert!(Motion::new(|f| s.spectrum(f), 0.0, 128, 1, Method::Plain).is_none());
-        assert!(Motion::new(|f| s.spectrum(f), 1.0, 16, 1, Method::Plain).is_none());
-        assert!(Motion::new(|_| f64::NAN, 1.0, 64, 1, Method::Plain).is_none());
-        let directed = Motion::new(|f| s.spectrum(f), s.highest(), 64, 1, Method::Directed).unwrap();
+        assert!(MotionTexture::new(|f| s.spectrum(f), 0.0, 128, 1, SpectrumMethod::Plain).is_none());
+        assert!(MotionTexture::new(|f| s.spectrum(f), 1.0, 16, 1, SpectrumMethod::Plain).is_none());
+        assert!(MotionTexture::new(|_| f64::NAN, 1.0, 64, 1, SpectrumMethod::Plain).is_none());
+        let directed = MotionTexture::new(|f| s.spectrum(f), s.highest(), 64, 1, SpectrumMethod::Directed).unwrap();
         for seed in 0..200 {
             let line = directed.trajectory(seed, 1.0).velocity;
             assert!(line[0] == directed.lowest && (1.0 / 9.0..=1.03 / 9.0).contains(&(line[1] / line[0]).abs()));

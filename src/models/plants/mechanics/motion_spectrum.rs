@@ -13,7 +13,7 @@ use mesophyll_base::fourier::Complex;
 
 /// How a texture's spectrum is made from the wanted one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
+pub enum SpectrumMethod {
     /// The wanted spectrum itself, as in H9; only the variance is made right.
     Plain,
     /// Its inverse Abel projection.
@@ -27,24 +27,24 @@ pub enum Method {
 
 /// Power over the plane of frequencies, constant on rings [j − ½, j + ½] for j = 1 … n in cycles a texture, two-sided.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rings(pub Vec<f64>);
+pub struct SpectrumRings(pub Vec<f64>);
 
 /// Rounds of the iteration.
 const ROUNDS: usize = 400;
 
-impl Rings {
+impl SpectrumRings {
     /// From a one-sided power density `spectrum(f)` in Hz; ring j belongs to the frequency j times `lowest`.
-    pub fn new(spectrum: impl Fn(f64) -> f64, lowest: f64, count: usize, method: Method) -> Rings {
+    pub fn new(spectrum: impl Fn(f64) -> f64, lowest: f64, count: usize, method: SpectrumMethod) -> SpectrumRings {
         // Two-sided, for each unit of the wave number k.
         let wanted: Vec<f64> = (1..=count).map(|j| 0.5 * lowest * spectrum(j as f64 * lowest)).collect();
         let plain = {
-            let raw = Rings(wanted.clone());
+            let raw = SpectrumRings(wanted.clone());
             let (have, want): (f64, f64) = (raw.variance(), 2.0 * wanted.iter().sum::<f64>());
-            Rings(wanted.iter().map(|p| p * want / have).collect())
+            SpectrumRings(wanted.iter().map(|p| p * want / have).collect())
         };
         match method {
-            Method::Plain | Method::Directed => plain,
-            Method::InverseAbel => inverse(&wanted, &plain),
+            SpectrumMethod::Plain | SpectrumMethod::Directed => plain,
+            SpectrumMethod::InverseAbel => inverse(&wanted, &plain),
         }
     }
 
@@ -66,7 +66,7 @@ fn kernel(i: usize, j: usize) -> f64 {
     2.0 * (root(j as f64 + 0.5) - root(j as f64 - 0.5))
 }
 
-fn inverse(wanted: &[f64], plain: &Rings) -> Rings {
+fn inverse(wanted: &[f64], plain: &SpectrumRings) -> SpectrumRings {
     let n = wanted.len();
     // Solves from the outermost ring inward; it is exact where the result is not negative.
     let mut power = vec![0.0; n];
@@ -75,9 +75,9 @@ fn inverse(wanted: &[f64], plain: &Rings) -> Rings {
         power[i - 1] = (wanted[i - 1] - outer) / kernel(i, i);
     }
     if power.iter().all(|p| *p >= 0.0) {
-        return Rings(power);
+        return SpectrumRings(power);
     }
-    let mut rings = Rings(power.iter().zip(&plain.0).map(|(p, q)| p.max(1e-3 * q)).collect());
+    let mut rings = SpectrumRings(power.iter().zip(&plain.0).map(|(p, q)| p.max(1e-3 * q)).collect());
     for _ in 0..ROUNDS {
         let ratio: Vec<f64> = rings.projected().iter().zip(wanted).map(|(have, want)| want / have).collect();
         for j in 1..=n {
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn the_projection_of_a_gaussian_is_a_gaussian() {
         let a = 12.0f64;
-        let rings = Rings((1..=90).map(|j| (-f64::from(j * j) / (2.0 * a * a)).exp()).collect());
+        let rings = SpectrumRings((1..=90).map(|j| (-f64::from(j * j) / (2.0 * a * a)).exp()).collect());
         // Up to two standard deviations of k: there, steps of one ring follow the slope to about half a percent.
         for (k, p) in rings.projected().iter().take(24).enumerate() {
             let i = (k + 1) as f64;
@@ -138,20 +138,24 @@ mod tests {
     #[test]
     fn a_falling_spectrum_is_inverted_exactly_and_a_peak_as_well_as_can_be() {
         let falling = |f: f64| (1.0 + f).powf(-5.0 / 3.0);
-        let rings = Rings::new(falling, 0.1, 40, Method::InverseAbel);
+        let rings = SpectrumRings::new(falling, 0.1, 40, SpectrumMethod::InverseAbel);
         for (k, p) in rings.projected().iter().enumerate() {
             let want = 0.05 * falling(0.1 * (k + 1) as f64);
             assert!((p / want - 1.0).abs() < 1e-10, "{k}");
         }
         let peak = |f: f64| 1.0 / (0.01 + (f - 2.0) * (f - 2.0));
-        let deviation = |m: Method| {
-            let p = Rings::new(peak, 0.1, 40, m).projected();
+        let deviation = |m: SpectrumMethod| {
+            let p = SpectrumRings::new(peak, 0.1, 40, m).projected();
             let sum: f64 =
                 p.iter().enumerate().map(|(k, p)| (p / (0.05 * peak(0.1 * (k + 1) as f64))).log10().powi(2)).sum();
             (sum / 40.0).sqrt()
         };
-        assert!(Rings::new(peak, 0.1, 40, Method::InverseAbel).0.iter().all(|p| *p >= 0.0));
-        assert!(deviation(Method::InverseAbel) < 0.8 * deviation(Method::Plain), "{}", deviation(Method::InverseAbel));
+        assert!(SpectrumRings::new(peak, 0.1, 40, SpectrumMethod::InverseAbel).0.iter().all(|p| *p >= 0.0));
+        assert!(
+            deviation(SpectrumMethod::InverseAbel) < 0.8 * deviation(SpectrumMethod::Plain),
+            "{}",
+            deviation(SpectrumMethod::InverseAbel)
+        );
     }
 
     /// White noise of variance σ² has the one-sided density 2 σ² dt; a sine holds half its squared amplitude.

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A floating-point number with the functions that bending needs.
-pub trait Scalar:
+pub trait BendingScalar:
     Copy
     + Debug
     + PartialOrd
@@ -50,7 +50,7 @@ pub trait Scalar:
 
 macro_rules! scalar {
     ($t:ty, $series:expr) => {
-        impl Scalar for $t {
+        impl BendingScalar for $t {
             const SERIES: usize = $series;
             fn of(value: f64) -> Self {
                 value as $t

@@ -13,7 +13,7 @@
 //! [`Shape`] is what a shader gets: eight plain numbers for each branch.
 
 use super::beam::{TAPER_MAX, TAPER_MIN};
-use super::scalar::Scalar;
+use super::scalar::BendingScalar;
 
 /// Coefficients of a branch: a₂ … a₅.
 pub const TERMS: usize = 4;
@@ -21,7 +21,7 @@ pub const TERMS: usize = 4;
 /// What a renderer needs to bend a branch of one taper; deflections are of the normalised beam (F/(E′r₁⁴) = 1, unit
 /// length).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shape<T> {
+pub struct TaperShape<T> {
     /// Taper α: tip radius over root radius.
     pub alpha: T,
     /// ln α.
@@ -32,17 +32,17 @@ pub struct Shape<T> {
     pub a: [T; TERMS],
 }
 
-impl Shape<f64> {
+impl TaperShape<f64> {
     /// A shape from a taper and its coefficients.
     pub fn new(alpha: f64, a: [f64; TERMS]) -> Self {
         let ln_alpha = alpha.ln();
-        Shape { alpha, ln_alpha, ell: ell(alpha), a }
+        TaperShape { alpha, ln_alpha, ell: ell(alpha), a }
     }
 
     /// The same numbers in single precision, as a shader has them.
-    pub fn single(&self) -> Shape<f32> {
+    pub fn single(&self) -> TaperShape<f32> {
         let f = |v: f64| v as f32;
-        Shape { alpha: f(self.alpha), ln_alpha: f(self.ln_alpha), ell: f(self.ell), a: self.a.map(f) }
+        TaperShape { alpha: f(self.alpha), ln_alpha: f(self.ln_alpha), ell: f(self.ell), a: self.a.map(f) }
     }
 }
 
@@ -54,7 +54,7 @@ pub fn ell(alpha: f64) -> f64 {
 
 /// y of x: ln(1+(α−1)x)/ln α. For α ≥ ½ it uses the series of the area hyperbolic tangent, whose common factor cancels,
 /// so that α → 1 is regular.
-pub fn coordinate<T: Scalar>(shape: &Shape<T>, x: T) -> T {
+pub fn coordinate<T: BendingScalar>(shape: &TaperShape<T>, x: T) -> T {
     let (one, two) = (T::one(), T::of(2.0));
     let beta = shape.alpha - one;
     if shape.alpha < T::of(0.5) {
@@ -72,7 +72,7 @@ pub fn coordinate<T: Scalar>(shape: &Shape<T>, x: T) -> T {
 }
 
 /// x of y: (α^y − 1)/(α − 1), regular at α = 1.
-pub fn position<T: Scalar>(shape: &Shape<T>, y: T) -> T {
+pub fn position<T: BendingScalar>(shape: &TaperShape<T>, y: T) -> T {
     let z = y * shape.ln_alpha;
     if z.abs() >= T::of(0.5) {
         return (z.exp() - T::one()) / (shape.alpha - T::one());
@@ -86,7 +86,7 @@ pub fn position<T: Scalar>(shape: &Shape<T>, y: T) -> T {
 }
 
 /// P, P′ and P″ at y.
-pub fn polynomial<T: Scalar>(a: &[T; TERMS], y: T) -> [T; 3] {
+pub fn polynomial<T: BendingScalar>(a: &[T; TERMS], y: T) -> [T; 3] {
     let (mut p, mut dp, mut ddp) = (T::zero(), T::zero(), T::zero());
     for (k, a) in a.iter().enumerate().rev() {
         let n = (k + 2) as f64;
@@ -97,7 +97,7 @@ pub fn polynomial<T: Scalar>(a: &[T; TERMS], y: T) -> [T; 3] {
     [p * y * y, dp * y, ddp]
 }
 
-impl<T: Scalar> Shape<T> {
+impl<T: BendingScalar> TaperShape<T> {
     /// Deflection and slope at x in [0, 1].
     pub fn at(&self, x: T) -> (T, T) {
         let y = coordinate(self, x);
@@ -115,7 +115,7 @@ impl<T: Scalar> Shape<T> {
 /// Coefficients as functions of the taper: one Chebyshev series for each, in ln α scaled to [−1, 1] over [`TAPER_MIN`],
 /// [`TAPER_MAX`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Smooth {
+pub struct TaperSeries {
     /// Row k: the series of a_{k+2}; every row as long as the first.
     pub series: [Vec<f64>; TERMS],
 }
@@ -140,11 +140,11 @@ pub fn chebyshev(s: f64, n: usize) -> Vec<f64> {
     t
 }
 
-impl Smooth {
+impl TaperSeries {
     /// The shape of a branch of taper `alpha` in [[`TAPER_MIN`], [`TAPER_MAX`]].
-    pub fn shape(&self, alpha: f64) -> Shape<f64> {
+    pub fn shape(&self, alpha: f64) -> TaperShape<f64> {
         let t = chebyshev(scaled(alpha), self.series[0].len());
-        Shape::new(alpha, std::array::from_fn(|k| self.series[k].iter().zip(&t).map(|(c, t)| c * t).sum()))
+        TaperShape::new(alpha, std::array::from_fn(|k| self.series[k].iter().zip(&t).map(|(c, t)| c * t).sum()))
     }
 
     /// How many numbers describe all tapers.
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_coordinate_and_its_inverse_agree_for_every_taper() {
         for alpha in [1e-4, 0.02, 0.3, 0.499_999, 0.5, 0.9, 1.0 - 1e-5, 1.0 - 1e-12, 1.0, 1.0 + 1e-5, 1.25] {
-            let shape = Shape::new(alpha, SOME);
+            let shape = TaperShape::new(alpha, SOME);
             for k in 0..=50 {
                 let x = f64::from(k) / 50.0;
                 let y = coordinate(&shape, x);
@@ -185,7 +185,7 @@ mod tests {
     fn the_series_is_the_logarithm() {
         for alpha in [0.5, 0.6, 0.8, 1.2] {
             for x in [0.1, 0.6, 0.95] {
-                let shape = Shape::new(alpha, SOME);
+                let shape = TaperShape::new(alpha, SOME);
                 let y = ((alpha - 1.0) * x).ln_1p() / alpha.ln();
                 assert!((coordinate(&shape, x) / y - 1.0).abs() < 1e-14, "α {alpha}, x {x}");
             }
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn slopes_are_derivatives() {
         for alpha in [0.01, 0.4, 1.0] {
-            let shape = Shape::new(alpha, SOME);
+            let shape = TaperShape::new(alpha, SOME);
             for x in [0.2, 0.7, 0.95] {
                 let h = 1e-6;
                 let numeric = (shape.at(x + h).0 - shape.at(x - h).0) / (2.0 * h);

@@ -100,7 +100,7 @@ impl Sway {
 
 /// A truncated cone that stands for a branch when its mass is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cone {
+pub struct TruncatedCone {
     /// Length (m).
     pub length: f64,
     /// Radius at the root (m).
@@ -110,8 +110,8 @@ pub struct Cone {
 }
 
 /// Mass (kg) of a branch and its sub-branches: H9 Eq. 4.17. `density` in kg/m³.
-pub fn mass(density: f64, cones: &[Cone]) -> f64 {
-    let volume = |c: &Cone| PI * c.length / 3.0 * (c.root * c.root + c.root * c.tip + c.tip * c.tip);
+pub fn mass(density: f64, cones: &[TruncatedCone]) -> f64 {
+    let volume = |c: &TruncatedCone| PI * c.length / 3.0 * (c.root * c.root + c.root * c.tip + c.tip * c.tip);
     density * cones.iter().map(volume).sum::<f64>()
 }
 
@@ -180,9 +180,9 @@ mod tests {
     #[test]
     fn figures_of_branches() {
         assert!((resonance(1.0, false) - 2.55).abs() < 1e-15 && (resonance(1.0, true) - 6.375).abs() < 1e-12);
-        let cylinder = mass(700.0, &[Cone { length: 2.0, root: 0.01, tip: 0.01 }]);
+        let cylinder = mass(700.0, &[TruncatedCone { length: 2.0, root: 0.01, tip: 0.01 }]);
         assert!((cylinder - 700.0 * PI * 1e-4 * 2.0).abs() < 1e-12);
-        let cone = mass(700.0, &[Cone { length: 2.0, root: 0.01, tip: 0.0 }]);
+        let cone = mass(700.0, &[TruncatedCone { length: 2.0, root: 0.01, tip: 0.0 }]);
         assert!((cone * 3.0 - cylinder).abs() < 1e-12);
     }
 

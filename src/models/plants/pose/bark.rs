@@ -14,7 +14,7 @@ const STEP: f64 = 1.0 / 8192.0;
 
 /// How the cross-sections of a branch carry its bark.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Carriers {
+pub struct BarkCarriers {
     /// Shares of the axis (0 root, 1 tip), each of them once, in the order in which the vertices need them.
     pub at: Vec<f64>,
     /// Which of these sections carries each vertex of the branch's wood.
@@ -33,16 +33,16 @@ pub fn shares(branch: &Branch) -> Vec<f64> {
     std::iter::once(0.0).chain(ends).collect()
 }
 
-impl Carriers {
+impl BarkCarriers {
     /// The sections that carry a branch's bark.
-    pub fn new(branch: &Branch) -> Carriers {
+    pub fn new(branch: &Branch) -> BarkCarriers {
         let mut joints = shares(branch);
         if joints.len() as f64 * STEP > 1.0 {
             // In the mean they stand as near to each other as the multiples of the step. So a branch has at most 16,385
             // sections, which a glTF file can number in two bytes.
             joints.clear();
         }
-        let mut bark = Carriers::default();
+        let mut bark = BarkCarriers::default();
         let mut known = BTreeMap::new();
         for vertex in &branch.wood.positions {
             let share = nearest(&branch.axis, *vertex).0;

@@ -12,9 +12,9 @@
 
 use crate::form::{Branch, Joint, Plant, nearest};
 use crate::mechanics::beam::{TAPER_MAX, TAPER_MIN};
-use crate::mechanics::length::{Bent, bend_with};
+use crate::mechanics::length::{AxisPoint, bend_with};
 use crate::mechanics::quadrature::gauss;
-use crate::mechanics::taper::Shape;
+use crate::mechanics::taper::TaperShape;
 use glam::{DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 use std::sync::LazyLock;
@@ -38,7 +38,7 @@ const SHARE: usize = 64;
 
 /// How far a bent branch keeps its length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Lengths {
+pub enum LengthConstraint {
     /// To the accuracy of the quadrature.
     #[default]
     Kept,
@@ -53,7 +53,7 @@ const FINE: f64 = 0.005;
 
 /// A rigid motion: how a cross-section of a branch moves everything that hangs on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rigid {
+pub struct RigidMotion {
     /// A point at rest.
     pub from: DVec3,
     /// The place that the point moves to.
@@ -62,9 +62,9 @@ pub struct Rigid {
     pub turn: DMat3,
 }
 
-impl Rigid {
+impl RigidMotion {
     /// The motion that moves nothing.
-    pub const STILL: Rigid = Rigid { from: DVec3::ZERO, to: DVec3::ZERO, turn: DMat3::IDENTITY };
+    pub const STILL: RigidMotion = RigidMotion { from: DVec3::ZERO, to: DVec3::ZERO, turn: DMat3::IDENTITY };
 
     /// The place that a point moves to.
     pub fn place(&self, point: DVec3) -> DVec3 {
@@ -73,7 +73,7 @@ impl Rigid {
 
     /// The frame after the motion.
     pub fn carry(&self, frame: DMat4) -> DMat4 {
-        if *self == Rigid::STILL {
+        if *self == RigidMotion::STILL {
             return frame;
         }
         let [x, y, z] = [frame.x_axis, frame.y_axis, frame.z_axis].map(|a| (self.turn * a.truncate()).extend(0.0));
@@ -82,18 +82,18 @@ impl Rigid {
 
     /// The same motion in another frame. `place`, the transform to it, is a rotation, a translation, and the same scale
     /// along all axes.
-    pub fn moved(&self, place: DMat4) -> Rigid {
+    pub fn moved(&self, place: DMat4) -> RigidMotion {
         let turn = DMat3::from_mat4(place) * place.determinant().cbrt().recip();
         let [from, to] = [self.from, self.to].map(|p| place.transform_point3(p));
-        Rigid { from, to, turn: turn * self.turn * turn.transpose() }
+        RigidMotion { from, to, turn: turn * self.turn * turn.transpose() }
     }
 
     /// The motion `inner`, followed by this one.
-    fn after(&self, inner: &Rigid) -> Rigid {
-        if *self == Rigid::STILL {
+    fn after(&self, inner: &RigidMotion) -> RigidMotion {
+        if *self == RigidMotion::STILL {
             return *inner;
         }
-        Rigid { from: inner.from, to: self.place(inner.to), turn: self.turn * inner.turn }
+        RigidMotion { from: inner.from, to: self.place(inner.to), turn: self.turn * inner.turn }
     }
 }
 
@@ -109,7 +109,7 @@ pub struct Limb {
     /// Length along the axis (mm). A branch of length 0 does not bend.
     pub length: f64,
     /// How the straight beam bends that the branch bends as.
-    pub shape: Shape<f64>,
+    pub shape: TaperShape<f64>,
     /// The beginning of each piece of the axis: the share of the length, the place, and the piece's unit direction.
     pub pieces: Vec<(f64, DVec3, DVec3)>,
     /// The tip's deflection over the length for an amplitude of 1, for small bends.
@@ -118,10 +118,10 @@ pub struct Limb {
 
 /// All branches of a plant at rest, ready to be bent.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Limbs(pub Vec<Limb>);
+pub struct RestPose(pub Vec<Limb>);
 
 impl Limb {
-    fn new(branch: &Branch, shape: &impl Fn(f64) -> Shape<f64>) -> Limb {
+    fn new(branch: &Branch, shape: &impl Fn(f64) -> TaperShape<f64>) -> Limb {
         let frame = branch.frame();
         let t = branch.chord().try_normalize().unwrap_or(branch.axes[0]);
         let across = branch.axes[1] - t * t.dot(branch.axes[1]);
@@ -167,12 +167,12 @@ impl Limb {
 #[derive(Debug, Clone)]
 struct Swung {
     /// The motion of the place where it grows.
-    base: Rigid,
+    base: RigidMotion,
     size: f64,
     /// Unit vectors in the plane of bending and across it, at rest.
     e: DVec3,
     b: DVec3,
-    lengths: Lengths,
+    lengths: LengthConstraint,
     /// For the beginning of every piece: its places along and across the beam, and its place before the base moves it.
     marks: Vec<(f64, f64, DVec3)>,
 }
@@ -180,10 +180,10 @@ struct Swung {
 /// A plant's branches at one time.
 #[derive(Debug, Clone)]
 pub struct Pose<'a> {
-    limbs: &'a Limbs,
+    limbs: &'a RestPose,
     swung: Vec<Swung>,
     /// The motion of every leaf before its branch carries it; empty where no leaf moves by itself.
-    leaves: Vec<Rigid>,
+    leaves: Vec<RigidMotion>,
 }
 
 /// A size (0 or more) that is unchanged up to `free` and approaches `furthest` above.
@@ -206,20 +206,20 @@ pub fn held([x, y]: [f64; 2], tip: f64) -> [f64; 2] {
     [x * kept, y * kept]
 }
 
-impl Limbs {
+impl RestPose {
     /// The branches of a plant at rest. `shape` gives the beam's coefficients for a taper.
-    pub fn new(plant: &Plant, shape: impl Fn(f64) -> Shape<f64>) -> Limbs {
-        Limbs(plant.branches.iter().map(|b| Limb::new(b, &shape)).collect())
+    pub fn new(plant: &Plant, shape: impl Fn(f64) -> TaperShape<f64>) -> RestPose {
+        RestPose(plant.branches.iter().map(|b| Limb::new(b, &shape)).collect())
     }
 
     /// All branches, each bent by its amplitude towards r and s. An amplitude is F/(E′r₁⁴) over the length, as in
     /// [`crate::mechanics::branch`]. An amplitude that is not finite bends nothing.
     pub fn pose(&self, amplitudes: impl Fn(usize) -> [f64; 2] + Sync) -> Pose<'_> {
-        self.pose_with(Lengths::Kept, amplitudes)
+        self.pose_with(LengthConstraint::Kept, amplitudes)
     }
 
     /// The same, with lengths kept in this way.
-    pub fn pose_with(&self, lengths: Lengths, amplitudes: impl Fn(usize) -> [f64; 2] + Sync) -> Pose<'_> {
+    pub fn pose_with(&self, lengths: LengthConstraint, amplitudes: impl Fn(usize) -> [f64; 2] + Sync) -> Pose<'_> {
         // Each branch bends in its own frame, whatever its parent does.
         let bent = |(k, limb): (usize, &Limb)| Swung::new(limb, amplitudes(k), lengths);
         let swung = self.0.par_iter().enumerate().with_min_len(SHARE).map(bent).collect();
@@ -236,12 +236,12 @@ impl Limbs {
 
 impl Swung {
     /// A branch that is bent by this amplitude, on a base that does not move.
-    fn new(limb: &Limb, amplitude: [f64; 2], lengths: Lengths) -> Swung {
+    fn new(limb: &Limb, amplitude: [f64; 2], lengths: LengthConstraint) -> Swung {
         let [t, r, s] = limb.axes;
         let [x, y] = held(amplitude, limb.beam_tip());
         let size = x.hypot(y);
         let e = if size > 0.0 { (x / size) * r + (y / size) * s } else { r };
-        let mut swung = Swung { base: Rigid::STILL, size, e, b: t.cross(e), lengths, marks: Vec::new() };
+        let mut swung = Swung { base: RigidMotion::STILL, size, e, b: t.cross(e), lengths, marks: Vec::new() };
         if size > 0.0 {
             swung.marks.reserve(limb.pieces.len());
             let mut place = limb.pieces.first().map_or(limb.root, |p| p.1);
@@ -256,16 +256,16 @@ impl Swung {
         swung
     }
 
-    fn bent(&self, limb: &Limb, x: f64) -> Bent<f64> {
+    fn bent(&self, limb: &Limb, x: f64) -> AxisPoint<f64> {
         let steps = match self.lengths {
-            Lengths::Kept => STEPS,
-            Lengths::ClosedForm => 0,
+            LengthConstraint::Kept => STEPS,
+            LengthConstraint::ClosedForm => 0,
         };
         bend_with(&limb.shape, x, self.size, &NODES, steps)
     }
 
     /// The place of the axis at `x`, within piece `k`, before the base moves it.
-    fn end(&self, limb: &Limb, k: usize, x: f64, bent: &Bent<f64>) -> DVec3 {
+    fn end(&self, limb: &Limb, k: usize, x: f64, bent: &AxisPoint<f64>) -> DVec3 {
         let (begin, _, way) = limb.pieces[k];
         let (along, across, place) = self.marks[k];
         let (t, e, b) = (limb.axes[0], self.e, self.b);
@@ -277,20 +277,20 @@ impl Swung {
 
 impl Pose<'_> {
     /// The same pose with leaves that turn by themselves. `leaves` are their motions from rest, in the plant's frame.
-    pub fn with_leaves(self, leaves: Vec<Rigid>) -> Self {
+    pub fn with_leaves(self, leaves: Vec<RigidMotion>) -> Self {
         Pose { leaves, ..self }
     }
 
     /// The motion from rest of leaf `k` of the plant, which hangs at `joint`.
-    pub fn leaf(&self, k: usize, joint: Joint) -> Rigid {
+    pub fn leaf(&self, k: usize, joint: Joint) -> RigidMotion {
         let carried = self.at(joint.branch, joint.at);
         self.leaves.get(k).map_or(carried, |own| carried.after(own))
     }
 
     /// The motion from rest, in the plant's frame, of what hangs on the cross-section of branch `k` at `at` (0 root, 1
     /// tip). A branch that does not exist moves nothing.
-    pub fn at(&self, k: usize, at: f64) -> Rigid {
-        let (Some(limb), Some(swung)) = (self.limbs.0.get(k), self.swung.get(k)) else { return Rigid::STILL };
+    pub fn at(&self, k: usize, at: f64) -> RigidMotion {
+        let (Some(limb), Some(swung)) = (self.limbs.0.get(k), self.swung.get(k)) else { return RigidMotion::STILL };
         if swung.marks.is_empty() {
             return swung.base;
         }
@@ -300,7 +300,7 @@ impl Pose<'_> {
         let (t, e) = (limb.axes[0], swung.e);
         let rest = DMat3::from_cols(t, e, swung.b);
         let after = DMat3::from_cols(bent.cos * t + bent.sin * e, bent.cos * e - bent.sin * t, swung.b);
-        let own = Rigid { from, to: swung.end(limb, piece, x, &bent), turn: after * rest.transpose() };
+        let own = RigidMotion { from, to: swung.end(limb, piece, x, &bent), turn: after * rest.transpose() };
         swung.base.after(&own)
     }
 
@@ -355,7 +355,7 @@ impl Pose<'_> {
             let base = self.swung[k].base;
             if !self.swung[k].marks.is_empty() {
                 // A branch's axis and wood are in its own frame, which moves with its base.
-                let (own, frame) = (Rigid { ..base }, branch.frame());
+                let (own, frame) = (RigidMotion { ..base }, branch.frame());
                 let local = own.carry(frame).inverse();
                 let axis = std::mem::take(&mut branch.axis);
                 branch.axis = self
@@ -374,7 +374,7 @@ impl Pose<'_> {
             }
             // The bend is in the shape now.
             branch.bending_load = 0.0;
-            if base != Rigid::STILL {
+            if base != RigidMotion::STILL {
                 branch.root = base.place(branch.root);
                 branch.axes = branch.axes.map(|a| base.turn * a);
             }

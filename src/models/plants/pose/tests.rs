@@ -1,25 +1,25 @@
 use super::*;
 use crate::form::along;
-use crate::grow::{grow, spec::Spec};
+use crate::growth::{grow, spec::PlantSpec};
 use std::f64::consts::PI;
 use std::path::Path;
 
 /// The exact shape of an even beam. For other tapers, a shape with all four numbers, which need not be a real beam's
 /// here.
-fn shape(alpha: f64) -> Shape<f64> {
+fn shape(alpha: f64) -> TaperShape<f64> {
     if alpha == 1.0 {
-        return Shape::new(1.0, [1.0 / PI, -2.0 / (3.0 * PI), 1.0 / (6.0 * PI), 0.0]);
+        return TaperShape::new(1.0, [1.0 / PI, -2.0 / (3.0 * PI), 1.0 / (6.0 * PI), 0.0]);
     }
-    Shape::new(alpha, [0.21, 0.11, 0.07, 0.05])
+    TaperShape::new(alpha, [0.21, 0.11, 0.07, 0.05])
 }
 
 fn sapling() -> Plant {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../data/plants/bird-cherry-sapling.toml");
-    grow(&Spec::read(&path).unwrap(), None)
+    grow(&PlantSpec::read(&path).unwrap(), None)
 }
 
 /// Amplitudes that move tips by `tip` of the length, each branch in another direction.
-fn amplitudes(limbs: &Limbs, tip: f64) -> Vec<[f64; 2]> {
+fn amplitudes(limbs: &RestPose, tip: f64) -> Vec<[f64; 2]> {
     let way = |k: usize| (0.7 + 1.3 * k as f64).sin_cos();
     limbs.0.iter().enumerate().map(|(k, l)| [way(k).0, way(k).1].map(|c| c * tip / l.shape.tip())).collect()
 }
@@ -27,7 +27,7 @@ fn amplitudes(limbs: &Limbs, tip: f64) -> Vec<[f64; 2]> {
 #[test]
 fn without_a_bend_no_number_changes() {
     let plant = sapling();
-    let limbs = Limbs::new(&plant, shape);
+    let limbs = RestPose::new(&plant, shape);
     assert_eq!(limbs.pose(|_| [0.0; 2]).plant(&plant), plant);
     assert_eq!(limbs.pose(|_| [f64::NAN, 1.0]).plant(&plant), plant);
     assert_eq!(limbs.pose(|_| [f64::INFINITY; 2]).plant(&plant), plant);
@@ -79,7 +79,7 @@ fn chain(branch: &Branch, limb: &Limb, amplitude: [f64; 2], at: f64) -> (DVec3, 
 #[test]
 fn a_pose_is_that_of_chains_of_small_rigid_pieces() {
     let plant = sapling();
-    let limbs = Limbs::new(&plant, shape);
+    let limbs = RestPose::new(&plant, shape);
     for tip in [0.05, 0.4, 0.95] {
         let amplitudes = amplitudes(&limbs, tip);
         let pose = limbs.pose(|k| amplitudes[k]);
@@ -113,7 +113,7 @@ fn lengths_are_kept_and_children_stay_where_they_grew() {
     let mut plant = sapling();
     plant.branches[3].tip_radius = 0.0;
     plant.branches[5].tip_radius = plant.branches[5].root_radius;
-    let limbs = Limbs::new(&plant, shape);
+    let limbs = RestPose::new(&plant, shape);
     for size in [0.1, 0.9, 30.0] {
         let amplitudes = amplitudes(&limbs, size);
         let posed = limbs.pose(|k| amplitudes[k]).plant(&plant);
@@ -152,7 +152,7 @@ fn a_branch_without_length_and_thin_and_even_tapers_have_a_pose() {
         ..trunk.clone()
     };
     plant.branches.push(stump);
-    let limbs = Limbs::new(&plant, shape);
+    let limbs = RestPose::new(&plant, shape);
     let posed = limbs.pose(|_| [1.0, 0.5]);
     let (last, on) = (plant.branches.len() - 1, posed.at(0, 0.5));
     assert!(posed.tip(last).distance(on.place(plant.branches[last].root)) < 1e-9);
@@ -170,7 +170,7 @@ fn a_ring_of_bark_has_one_section() {
     let plant = sapling();
     let (mut rings, mut sections) = (0, 0);
     for branch in &plant.branches {
-        let own = bark::Carriers::new(branch);
+        let own = bark::BarkCarriers::new(branch);
         let mut at: Vec<u64> = own.at.iter().map(|at| at.to_bits()).collect();
         at.sort_unstable();
         at.dedup();

@@ -4,8 +4,8 @@
 //! This is for comparison with the paper and with [`Tracer::look`], which follows one of the rays at random and loses
 //! no light. Here the number of rays grows with each hit, and light below the threshold is lost.
 
-use super::scatter::Scatter;
-use super::{Samples, Strategy, Tracer};
+use super::scattering::ScatterPoint;
+use super::{PathSampler, PathTracer, SamplingStrategy};
 use crate::accelerate::Ray;
 use crate::seeds::scramble;
 use crate::stage::SideBy;
@@ -15,7 +15,7 @@ use mesophyll_optics::foliar::fsm;
 /// The number of hits after which a ray ends, whatever it carries.
 const DEEPEST: usize = 64;
 
-impl Tracer<'_> {
+impl PathTracer<'_> {
     /// Mean radiance along a line of sight from `times` trees of rays, which end below the luminance `cut`. Also
     /// returns the mean number of rays of a tree at each depth, the camera's ray first.
     pub fn branched(&self, eye: DVec3, direction: DVec3, cut: f64, times: u32, seed: u64) -> ([f64; 3], Vec<f64>) {
@@ -23,7 +23,7 @@ impl Tracer<'_> {
         let (mut sum, mut rays) = ([0.0; 3], Vec::new());
         for k in 0..times {
             let mut tree = Tree { tracer: self, cut, rays: &mut rays };
-            let mut samples = Samples::new(scramble(seed, 0), k);
+            let mut samples = PathSampler::new(scramble(seed, 0), k);
             let found = tree.follow(ray, [1.0; 3], 0, true, &mut samples);
             (0..3).for_each(|c| sum[c] += found[c] / f64::from(times));
         }
@@ -32,14 +32,14 @@ impl Tracer<'_> {
 }
 
 struct Tree<'a, 'b> {
-    tracer: &'a Tracer<'b>,
+    tracer: &'a PathTracer<'b>,
     cut: f64,
     rays: &'a mut Vec<u64>,
 }
 
 impl Tree<'_, '_> {
     /// The light that comes back along `ray`. `sees` tells whether lights that it hits were not sampled before.
-    fn follow(&mut self, ray: Ray, carried: [f64; 3], depth: usize, sees: bool, samples: &mut Samples) -> [f64; 3] {
+    fn follow(&mut self, ray: Ray, carried: [f64; 3], depth: usize, sees: bool, samples: &mut PathSampler) -> [f64; 3] {
         let tracer = self.tracer;
         if self.rays.len() <= depth {
             self.rays.resize(depth + 1, 0);
@@ -48,14 +48,14 @@ impl Tree<'_, '_> {
         let Some(met) = tracer.stage.nearest(&ray) else {
             return match (depth, sees) {
                 (0, _) => tracer.background(ray.direction),
-                (_, true) => tracer.lights.seen(ray.direction, 1.0, Strategy::Surfaces, true),
+                (_, true) => tracer.lights.seen(ray.direction, 1.0, SamplingStrategy::Surfaces, true),
                 (_, false) => [0.0; 3],
             };
         };
         let surface = tracer.stage.surface(&met, SideBy::Triangle);
-        let scatter = Scatter::new(&tracer.stage, &surface, carried, surface.rho_t());
+        let scatter = ScatterPoint::new(&tracer.stage, &surface, carried, surface.rho_t());
         let mut sum = [0.0; 3];
-        if let Some(light) = tracer.lights.draw(samples.next(), Strategy::Lights) {
+        if let Some(light) = tracer.lights.draw(samples.next(), SamplingStrategy::Lights) {
             let f = scatter.diffuse_times_cosine(light.direction);
             if f.iter().any(|x| *x > 0.0)
                 && !tracer.stage.blocked(&tracer.stage.leave(surface.point, surface.flat, light.direction))

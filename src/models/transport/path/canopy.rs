@@ -12,18 +12,18 @@
 //! view cannot quite be exchanged then (Veach 1997, §5.3).
 
 use super::estimate::{Estimate, estimate};
-use super::samples::Samples;
-use super::{MOST_SCATTERINGS, Paths, Tracer, goes_on};
+use super::samples::PathSampler;
+use super::{MOST_SCATTERINGS, PathSettings, PathTracer, goes_on};
 use crate::accelerate::Ray;
 use crate::seeds::mix;
 use crate::stage::SideBy;
-use crate::world::World;
+use crate::world::ReferenceWorld;
 use glam::DVec3;
 use std::f64::consts::PI;
 
 /// Shares of the incident flux.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fluxes {
+pub struct CanopyFluxes {
     /// Light that leaves the scene upwards.
     pub reflected: Estimate,
     /// Light that is absorbed by everything except the ground.
@@ -37,7 +37,7 @@ pub struct Fluxes {
 
 /// A periodic world under a sun.
 pub struct Canopy<'a> {
-    tracer: Tracer<'a>,
+    tracer: PathTracer<'a>,
     /// Half the period (mm).
     half: [f64; 2],
     /// Height at which rays from above begin.
@@ -51,7 +51,7 @@ impl<'a> Canopy<'a> {
     /// # Errors
     /// A sentence about a world that is no canopy: it does not repeat, is empty, has no sun above the horizon, or has a
     /// sky; or [`World::validate`] refuses it.
-    pub fn new(world: &'a World, seed: u64) -> Result<Canopy<'a>, String> {
+    pub fn new(world: &'a ReferenceWorld, seed: u64) -> Result<Canopy<'a>, String> {
         let bad = |what: &str| Err(what.to_string());
         let Some(size) = world.periodic else { return bad("the scene does not repeat; expected a [periodic]") };
         let Some(sun) = world.sun.as_ref().filter(|s| s.direction.z > 0.0) else {
@@ -63,7 +63,7 @@ impl<'a> Canopy<'a> {
         if world.background != [0.0; 3] {
             return bad("background: is not black; a reflectance factor is of the sun's light alone");
         }
-        let tracer = Tracer::new(world, Paths::default()).map_err(|e| e.to_string())?;
+        let tracer = PathTracer::new(world, PathSettings::default()).map_err(|e| e.to_string())?;
         let Some([_, high]) = tracer.stage.bounds() else { return bad("there is nothing in it") };
         Ok(Canopy {
             half: size.map(|s| 0.5 * s),
@@ -76,7 +76,7 @@ impl<'a> Canopy<'a> {
     }
 
     /// The tracer of its light.
-    pub fn tracer(&self) -> &Tracer<'a> {
+    pub fn tracer(&self) -> &PathTracer<'a> {
         &self.tracer
     }
 
@@ -120,19 +120,19 @@ impl<'a> Canopy<'a> {
     }
 
     /// What becomes of the light of channel `channel`, from `paths` paths that follow the light.
-    pub fn fluxes(&self, channel: usize, paths: u32) -> Fluxes {
+    pub fn fluxes(&self, channel: usize, paths: u32) -> CanopyFluxes {
         let [reflected, absorbed, transmitted, closure] = estimate(mix(self.seed, 4), paths, |samples| {
-            let follow = |samples: &mut Samples| {
+            let follow = |samples: &mut PathSampler| {
                 let [u, v, ..] = samples.next();
                 self.light(self.enter(-self.sun, [u, v]), channel, samples)
             };
             samples.iter_mut().map(follow).collect()
         });
-        Fluxes { reflected, absorbed, transmitted, closure }
+        CanopyFluxes { reflected, absorbed, transmitted, closure }
     }
 
     /// One path that follows the light: reflected, absorbed, transmitted, and the closing sum.
-    fn light(&self, mut ray: Ray, channel: usize, samples: &mut Samples) -> [f64; 4] {
+    fn light(&self, mut ray: Ray, channel: usize, samples: &mut PathSampler) -> [f64; 4] {
         let stage = &self.tracer.stage;
         let mut carried = [1.0; 3];
         let [mut reflected, mut absorbed, mut transmitted, mut in_ground] = [0.0; 4];
@@ -149,7 +149,7 @@ impl<'a> Canopy<'a> {
             };
             let surface = stage.surface(&met, SideBy::Triangle);
             let ground = stage.world.ground == Some(surface.instance);
-            let scatter = super::Scatter::new(stage, &surface, carried, surface.rho_t_inward());
+            let scatter = super::ScatterPoint::new(stage, &surface, carried, surface.rho_t_inward());
             let before = carried[channel];
             let turn = scatter.draw(samples.next());
             carried = turn.as_ref().map_or([0.0; 3], |t| [0, 1, 2].map(|c| carried[c] * t.weight[c]));

@@ -1,8 +1,8 @@
 //! Paths from a point of the scene outwards: where they leave it, and the light that comes in along them.
 
-use super::{FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, Samples, Tracer, goes_on};
+use super::{FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, PathSampler, PathTracer, goes_on};
 use crate::accelerate::Ray;
-use crate::path::scatter::Scatter;
+use crate::path::scattering::ScatterPoint;
 use crate::stage::SideBy;
 use glam::DVec3;
 
@@ -16,10 +16,10 @@ pub(crate) struct Escape {
     pub straight: bool,
 }
 
-impl Tracer<'_> {
+impl PathTracer<'_> {
     /// Follows a path along `ray` (of unit direction) until it leaves the scene. `None` where it ends inside, at random
     /// or because it carries nothing any more.
-    pub(crate) fn escape(&self, mut ray: Ray, samples: &mut Samples) -> Option<Escape> {
+    pub(crate) fn escape(&self, mut ray: Ray, samples: &mut PathSampler) -> Option<Escape> {
         let mut carried = [1.0; 3];
         for turned in 0..MOST_SCATTERINGS {
             let Some(met) = self.stage.nearest(&ray) else {
@@ -29,7 +29,7 @@ impl Tracer<'_> {
                 return None;
             }
             let surface = self.stage.surface(&met, SideBy::Triangle);
-            let scatter = Scatter::new(&self.stage, &surface, carried, surface.rho_t());
+            let scatter = ScatterPoint::new(&self.stage, &surface, carried, surface.rho_t());
             let turn = scatter.draw(samples.next())?;
             (0..3).for_each(|c| carried[c] *= turn.weight[c]);
             if carried.iter().any(|c| *c > MOST_CARRIED) {
@@ -41,7 +41,7 @@ impl Tracer<'_> {
     }
 
     /// Radiance that arrives along `ray` against its (unit) direction, from sky and surfaces, without the sun's disk.
-    pub(crate) fn arriving(&self, ray: Ray, samples: &mut Samples) -> [f64; 3] {
+    pub(crate) fn arriving(&self, ray: Ray, samples: &mut PathSampler) -> [f64; 3] {
         let brought = self.follow(ray, samples);
         if brought.met { brought.radiance } else { self.sky(ray.direction) }
     }

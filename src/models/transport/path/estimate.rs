@@ -1,7 +1,7 @@
 //! Means over paths, with standard errors from independent randomisations.
 
 use super::SIDE_BY_SIDE;
-use super::samples::{MOST_PATHS, Samples};
+use super::samples::{MOST_PATHS, PathSampler};
 use crate::seeds::scramble;
 use mesophyll_files::progress;
 use rayon::prelude::*;
@@ -25,7 +25,7 @@ const PATHS_A_ROUND: u32 = 256;
 pub(super) fn estimate<const N: usize>(
     seed: u64,
     paths: u32,
-    follow: impl Fn(&mut [Samples]) -> Vec<[f64; N]> + Sync,
+    follow: impl Fn(&mut [PathSampler]) -> Vec<[f64; N]> + Sync,
 ) -> [Estimate; N] {
     let rounds = (paths / PATHS_A_ROUND).clamp(ROUNDS[0], ROUNDS[1]).max(paths.div_ceil(MOST_PATHS));
     let each = paths.div_ceil(rounds);
@@ -33,10 +33,10 @@ pub(super) fn estimate<const N: usize>(
         .into_par_iter()
         .map(|round| {
             let mut sum = [0.0; N];
-            let begin = |k: u32| Samples::new(scramble(seed, u64::from(round)), k);
+            let begin = |k: u32| PathSampler::new(scramble(seed, u64::from(round)), k);
             let firsts = (0..each).step_by(SIDE_BY_SIDE as usize);
             for first in firsts.take_while(|_| !progress::stop_requested()) {
-                let mut samples: Vec<Samples> = (first..each.min(first + SIDE_BY_SIDE)).map(begin).collect();
+                let mut samples: Vec<PathSampler> = (first..each.min(first + SIDE_BY_SIDE)).map(begin).collect();
                 for found in follow(&mut samples) {
                     (0..N).for_each(|q| sum[q] += found[q] / f64::from(each));
                 }

@@ -1,12 +1,12 @@
 //! Leaves by B1's models in the path tracer, compared with the exact method.
 
-use super::{Paths, Strategy, Tracer};
-use crate::foliar::{Foliar, Model};
-use crate::lobe::Reflect;
-use crate::made_up::{leaf, square};
-use crate::world::{Placement, ReferenceSun, World};
+use super::{PathSettings, PathTracer, SamplingStrategy};
+use crate::foliar::{FoliarMaterial, FoliarModel};
+use crate::lobe::ReflectionLobe;
+use crate::test_worlds::{leaf, square};
+use crate::world::{ReferencePlacement, ReferenceSun, ReferenceWorld};
 use glam::{DMat4, DVec3};
-use mesophyll_optics::foliar::{Leaf, exact, fsm};
+use mesophyll_optics::foliar::{LayeredLeaf, exact, fsm};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 use std::sync::{Arc, LazyLock};
@@ -14,15 +14,15 @@ use std::sync::{Arc, LazyLock};
 /// Absorption of red, green and blue light in a soybean leaf's mesophyll.
 const DEPTHS: [f64; 3] = [0.89, 0.51, 1.9];
 
-static SOYBEAN: LazyLock<Foliar> =
-    LazyLock::new(|| Foliar::new(Model::Fsm, DEPTHS.map(Leaf::soybean)).expect("a plain leaf"));
+static SOYBEAN: LazyLock<FoliarMaterial> =
+    LazyLock::new(|| FoliarMaterial::new(FoliarModel::Fsm, DEPTHS.map(LayeredLeaf::soybean)).expect("a plain leaf"));
 
-fn alone(foliar: Foliar) -> World {
-    World {
+fn alone(foliar: FoliarMaterial) -> ReferenceWorld {
+    ReferenceWorld {
         leaves: vec![leaf(square(10.0), [0.0; 2], 0.0, None)],
         foliar: vec![Some(Arc::new(foliar))],
-        instances: vec![Placement { leaf: 0, transform: DMat4::IDENTITY }],
-        ..World::default()
+        instances: vec![ReferencePlacement { leaf: 0, transform: DMat4::IDENTITY }],
+        ..ReferenceWorld::default()
     }
 }
 
@@ -34,15 +34,15 @@ fn view(degrees: f64, below: bool) -> DVec3 {
 /// Under light from everywhere, a leaf shows everything that it would reflect and transmit of light from the viewer.
 #[test]
 fn a_leaf_under_an_even_sky_shows_what_the_exact_method_says() {
-    for model in [Model::Fsm, Model::Abm] {
-        let world = World { sky: Some([1.0; 3]), ..alone(SOYBEAN.by(model)) };
-        let tracer = Tracer::new(&world, Paths::default()).unwrap();
+    for model in [FoliarModel::Fsm, FoliarModel::Abm] {
+        let world = ReferenceWorld { sky: Some([1.0; 3]), ..alone(SOYBEAN.by(model)) };
+        let tracer = PathTracer::new(&world, PathSettings::default()).unwrap();
         for (degrees, below) in [(20.0, false), (65.0, false), (45.0, true)] {
             let eye = view(degrees, below);
             let seen = tracer.look(eye, -eye, 8192, 3);
             let side = if below { Side::Back } else { Side::Front };
             for (channel, depth) in DEPTHS.into_iter().enumerate() {
-                let want = exact::response(&Leaf::soybean(depth), side, degrees.to_radians()).unwrap();
+                let want = exact::response(&LayeredLeaf::soybean(depth), side, degrees.to_radians()).unwrap();
                 let want = want.reflectance + want.transmittance;
                 let found = seen.radiance[channel];
                 assert!(found.error < 0.01, "{model:?} {degrees}: {found:?}");
@@ -57,12 +57,13 @@ fn a_leaf_under_an_even_sky_shows_what_the_exact_method_says() {
 fn lights_and_lobes_find_the_same_light() {
     let sun = Some(ReferenceSun { direction: DVec3::new(0.5, 0.2, 0.8), irradiance: [2.0; 3], radius: 0.3 });
     for (degrees, below) in [(30.0, false), (60.0, true)] {
-        let world = World { sun, ..alone(SOYBEAN.clone()) };
+        let world = ReferenceWorld { sun, ..alone(SOYBEAN.clone()) };
         let eye = view(degrees, below) * DVec3::new(-1.0, 1.0, 1.0);
-        let [a, b, c] = [Strategy::Both, Strategy::Lights, Strategy::Surfaces].map(|strategy| {
-            let tracer = Tracer::new(&world, Paths { strategy, ..Paths::default() }).unwrap();
-            tracer.look(eye, -eye, 16_384, 3).radiance[1]
-        });
+        let [a, b, c] =
+            [SamplingStrategy::Both, SamplingStrategy::Lights, SamplingStrategy::Surfaces].map(|strategy| {
+                let tracer = PathTracer::new(&world, PathSettings { strategy, ..PathSettings::default() }).unwrap();
+                tracer.look(eye, -eye, 16_384, 3).radiance[1]
+            });
         for other in [b, c] {
             let error = a.error.hypot(other.error);
             assert!((a.mean - other.mean).abs() < 4.0 * error + 1e-6, "{a:?} {other:?}");
@@ -76,8 +77,8 @@ fn lights_and_lobes_find_the_same_light() {
 #[test]
 fn light_from_below_leans_forward() {
     let sun = Some(ReferenceSun { direction: DVec3::new(0.7, 0.0, -0.7), irradiance: [1.0; 3], radius: 0.05 });
-    let world = World { sun, ..alone(SOYBEAN.clone()) };
-    let tracer = Tracer::new(&world, Paths::default()).unwrap();
+    let world = ReferenceWorld { sun, ..alone(SOYBEAN.clone()) };
+    let tracer = PathTracer::new(&world, PathSettings::default()).unwrap();
     let [forward, back] = [-1.0, 1.0].map(|way| {
         let eye = view(50.0, true) * DVec3::new(way, 1.0, 1.0);
         tracer.look(eye, -eye, 4096, 3).radiance[1].mean
@@ -89,8 +90,8 @@ fn light_from_below_leans_forward() {
 /// two thirds of the first hit's rays meet nothing more.
 #[test]
 fn three_rays_a_hit_lose_only_what_is_cut() {
-    let world = World { sky: Some([1.0; 3]), ..alone(SOYBEAN.clone()) };
-    let tracer = Tracer::new(&world, Paths::default()).unwrap();
+    let world = ReferenceWorld { sky: Some([1.0; 3]), ..alone(SOYBEAN.clone()) };
+    let tracer = PathTracer::new(&world, PathSettings::default()).unwrap();
     let eye = view(35.0, false);
     let (radiance, rays) = tracer.branched(eye, -eye, fsm::CUT, 4000, 2);
     let want = tracer.look(eye, -eye, 8192, 3).radiance[1];
@@ -102,8 +103,8 @@ fn three_rays_a_hit_lose_only_what_is_cut() {
 #[test]
 fn the_stand_in_has_the_leafs_albedo() {
     let soybean = SOYBEAN.stand_in();
-    let clear = Foliar::new(Model::Fsm, [Leaf::soybean(0.0); 3]).unwrap().stand_in();
-    let leaf = Leaf::soybean(0.0);
+    let clear = FoliarMaterial::new(FoliarModel::Fsm, [LayeredLeaf::soybean(0.0); 3]).unwrap().stand_in();
+    let leaf = LayeredLeaf::soybean(0.0);
     // ∫ 2 sin θ cos θ of the light that the faces mirror, and of the gloss that represents it.
     let squares: Vec<f64> = (0..200).map(|k| (1.0 - (f64::from(k) + 0.5) / 200.0).sqrt()).collect();
     let mean = |of: &dyn Fn(f64) -> f64| squares.iter().map(|cos| of(*cos)).sum::<f64>() / 200.0;

@@ -1,17 +1,17 @@
 //! The lights beyond a scene: the sun's disk, and a sky or an environment map. This module also draws directions
 //! towards them.
 
-use super::Strategy;
+use super::SamplingStrategy;
 use crate::dome::RadianceAt;
 use crate::environment::Environment;
 use crate::sphere_density::SphereDensity;
-use crate::world::{ReferenceSun, World};
+use crate::world::{ReferenceSun, ReferenceWorld};
 use glam::DVec3;
 use mesophyll_sky::panorama;
 use std::f64::consts::{PI, TAU};
 
 /// All lights of a scene.
-pub struct Lights {
+pub struct SceneLights {
     sun: Option<Sun>,
     sky: Sky,
     /// The probability that a drawn direction is towards the sun and not the sky.
@@ -40,7 +40,7 @@ enum Sky {
 }
 
 /// A direction from which light comes.
-pub struct Light {
+pub struct LightSample {
     /// Unit vector towards the light.
     pub direction: DVec3,
     /// Radiance over the density of the draw. For a sun without extent, it is the irradiance over the probability of
@@ -60,9 +60,9 @@ const TABLE: [usize; 2] = [512, 256];
 /// The least density of a modelled sky, relative to its mean. The table might miss a bright spot between its texels.
 const LEAST: f64 = 0.02;
 
-impl Lights {
+impl SceneLights {
     /// The lights of a world.
-    pub fn new(world: &World) -> Lights {
+    pub fn new(world: &ReferenceWorld) -> SceneLights {
         let sun = world.sun.as_ref().map(Sun::new);
         let (sky, mean) = sky(world);
         // The choice follows the light of both: the sun's irradiance on a surface that faces it, and the sky's on a
@@ -75,33 +75,33 @@ impl Lights {
             _ if by_sun + by_sky > 0.0 => (by_sun / (by_sun + by_sky)).clamp(0.2, 0.8),
             _ => 0.5,
         };
-        Lights { sun, sky, sun_share }
+        SceneLights { sun, sky, sun_share }
     }
 
     /// The probability of drawing the sun. `strategy` decides whether the sky is drawn at all. A constant sky is not
     /// drawn, because its radiance is the same in every direction that a surface draws.
-    fn sun_share(&self, strategy: Strategy) -> f64 {
-        let constant = matches!(self.sky, Sky::Constant(_)) && strategy != Strategy::Lights;
+    fn sun_share(&self, strategy: SamplingStrategy) -> f64 {
+        let constant = matches!(self.sky, Sky::Constant(_)) && strategy != SamplingStrategy::Lights;
         if self.sun.is_some() && constant { 1.0 } else { self.sun_share }
     }
 
     /// Whether [`Lights::draw`] ever gives a direction.
-    pub fn drawn(&self, strategy: Strategy) -> bool {
+    pub fn drawn(&self, strategy: SamplingStrategy) -> bool {
         let sky = match &self.sky {
             Sky::None => false,
-            Sky::Constant(_) => strategy == Strategy::Lights,
+            Sky::Constant(_) => strategy == SamplingStrategy::Lights,
             Sky::Varying { .. } => true,
         };
-        strategy != Strategy::Surfaces && (self.sun.is_some() || sky)
+        strategy != SamplingStrategy::Surfaces && (self.sun.is_some() || sky)
     }
 
     /// Draws a direction from four uniform numbers.
-    pub fn draw(&self, [choice, u, v, _]: [f64; 4], strategy: Strategy) -> Option<Light> {
+    pub fn draw(&self, [choice, u, v, _]: [f64; 4], strategy: SamplingStrategy) -> Option<LightSample> {
         let share = self.sun_share(strategy);
         if let Some(sun) = self.sun.as_ref().filter(|_| choice < share) {
             return Some(if sun.versine > 0.0 {
                 let density = share / (TAU * sun.versine);
-                Light {
+                LightSample {
                     direction: sun.toward(u, v),
                     weight: sun.radiance().map(|l| l / density),
                     density: Some(density),
@@ -110,17 +110,17 @@ impl Lights {
                 }
             } else {
                 let weight = sun.irradiance.map(|e| e / share);
-                Light { direction: sun.centre, weight, density: None, sun: true, level: 1.0 }
+                LightSample { direction: sun.centre, weight, density: None, sun: true, level: 1.0 }
             });
         }
         let share = 1.0 - share;
         match &self.sky {
             Sky::None => None,
-            Sky::Constant(radiance) if strategy == Strategy::Lights => {
+            Sky::Constant(radiance) if strategy == SamplingStrategy::Lights => {
                 let (z, (sin, cos)) = (1.0 - 2.0 * u, (TAU * v).sin_cos());
                 let r = (1.0 - z * z).max(0.0).sqrt();
                 let density = share / (2.0 * TAU);
-                Some(Light {
+                Some(LightSample {
                     direction: DVec3::new(r * cos, r * sin, z),
                     weight: radiance.map(|l| l / density),
                     density: Some(density),
@@ -132,7 +132,7 @@ impl Lights {
             Sky::Varying { radiance, density } => {
                 let direction = density.draw([u, v]);
                 let density = share * density.of(direction);
-                (density > 0.0).then(|| Light {
+                (density > 0.0).then(|| LightSample {
                     direction,
                     weight: radiance(direction).map(|l| l.max(0.0) / density),
                     density: Some(density),
@@ -145,13 +145,13 @@ impl Lights {
 
     /// The radiance that a ray sees when it leaves the scene in direction `d`, after a surface drew it with the density
     /// `drawn` (1/sr): that of the sky and of the sun, each times the share of the surface's sampling.
-    pub fn seen(&self, d: DVec3, drawn: f64, strategy: Strategy, with_sun: bool) -> [f64; 3] {
+    pub fn seen(&self, d: DVec3, drawn: f64, strategy: SamplingStrategy, with_sun: bool) -> [f64; 3] {
         let share = self.sun_share(strategy);
         let mut sum = [0.0; 3];
         let mut add = |radiance: [f64; 3], weight: f64| (0..3).for_each(|c| sum[c] += radiance[c] * weight);
         match &self.sky {
             Sky::None => {}
-            Sky::Constant(radiance) => add(*radiance, if strategy == Strategy::Lights { 0.0 } else { 1.0 }),
+            Sky::Constant(radiance) => add(*radiance, if strategy == SamplingStrategy::Lights { 0.0 } else { 1.0 }),
             Sky::Varying { radiance, density } => {
                 let weight = strategy.surface(drawn, || (1.0 - share) * density.of(d));
                 if weight > 0.0 {
@@ -181,7 +181,7 @@ impl Lights {
 }
 
 /// A world's sky in the form in which it is sampled, and its mean radiance.
-fn sky(world: &World) -> (Sky, [f64; 3]) {
+fn sky(world: &ReferenceWorld) -> (Sky, [f64; 3]) {
     if let Some(radiance) = world.sky {
         return (Sky::Constant(radiance), radiance);
     }
@@ -246,7 +246,7 @@ mod tests_support {
     use super::*;
 
     /// Density of the directions that [`Lights::draw`] returns, for tests.
-    pub fn density(lights: &Lights, d: DVec3, strategy: Strategy) -> f64 {
+    pub fn density(lights: &SceneLights, d: DVec3, strategy: SamplingStrategy) -> f64 {
         let share = lights.sun_share(strategy);
         let sun = lights.sun.as_ref().filter(|s| s.holds(d)).map_or(0.0, |s| share / (TAU * s.versine));
         let sky = match &lights.sky {

@@ -20,7 +20,7 @@ mod picture;
 #[cfg(test)]
 mod picture_tests;
 mod samples;
-mod scatter;
+mod scattering;
 pub mod slopes;
 #[cfg(test)]
 mod slopes_tests;
@@ -30,19 +30,19 @@ mod tests;
 pub(crate) use crate::Result;
 use crate::accelerate::Ray;
 use crate::stage::{SideBy, Stage};
-use crate::world::World;
-pub use canopy::{Canopy, Fluxes};
+use crate::world::ReferenceWorld;
+pub use canopy::{Canopy, CanopyFluxes};
 pub use estimate::Estimate;
 use glam::DVec3;
-use lights::Lights;
-pub use picture::{Picture, Progress, Request, Target};
+use lights::SceneLights;
+pub use picture::{DrawingOutcome, PathPicture, PathRequest, SamplingTarget};
 pub use samples::MOST_PATHS;
-pub(crate) use samples::Samples;
-use scatter::Scatter;
+pub(crate) use samples::PathSampler;
+use scattering::ScatterPoint;
 
 /// How directions towards light are drawn. All strategies have the same mean, which serves as a test of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Strategy {
+pub enum SamplingStrategy {
     /// From lights and from surfaces, with each weighted where it is better.
     #[default]
     Both,
@@ -52,22 +52,22 @@ pub enum Strategy {
     Surfaces,
 }
 
-impl Strategy {
+impl SamplingStrategy {
     /// The weight of light that was drawn from a light with density `light`, where the surface's density is `surface`.
     fn light(self, light: f64, surface: impl FnOnce() -> f64) -> f64 {
         match self {
-            Strategy::Both => light / (light + surface()),
-            Strategy::Lights => 1.0,
-            Strategy::Surfaces => 0.0,
+            SamplingStrategy::Both => light / (light + surface()),
+            SamplingStrategy::Lights => 1.0,
+            SamplingStrategy::Surfaces => 0.0,
         }
     }
 
     /// The weight of light that was drawn from a surface.
     fn surface(self, surface: f64, light: impl FnOnce() -> f64) -> f64 {
         match self {
-            Strategy::Both => surface / (surface + light()),
-            Strategy::Lights => 0.0,
-            Strategy::Surfaces => 1.0,
+            SamplingStrategy::Both => surface / (surface + light()),
+            SamplingStrategy::Lights => 0.0,
+            SamplingStrategy::Surfaces => 1.0,
         }
     }
 }
@@ -80,7 +80,7 @@ const FOLLOWED: u32 = 2;
 
 /// Russian roulette: returns whether a path goes on. The probability is the largest channel that it carries, at most 1,
 /// and what it carries is divided by that probability.
-fn goes_on(carried: &mut [f64; 3], samples: &mut Samples) -> bool {
+fn goes_on(carried: &mut [f64; 3], samples: &mut PathSampler) -> bool {
     let share = carried.iter().fold(0.0, |a: f64, b| a.max(*b)).min(1.0);
     *carried = carried.map(|c| c / share);
     samples.next()[0] < share
@@ -94,23 +94,23 @@ const MOST_CARRIED: f64 = 1e6;
 
 /// How paths are followed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Paths {
+pub struct PathSettings {
     /// The largest number of scatterings: 1 is direct light alone. With `None` paths end only at random.
     pub bounces: Option<u32>,
     /// How directions are drawn.
-    pub strategy: Strategy,
+    pub strategy: SamplingStrategy,
 }
 
 /// A world prepared for path tracing.
-pub struct Tracer<'a> {
+pub struct PathTracer<'a> {
     pub(crate) stage: Stage<'a>,
-    lights: Lights,
-    paths: Paths,
+    lights: SceneLights,
+    paths: PathSettings,
 }
 
 /// The light along a line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
+pub struct SightRadiance {
     /// Radiance of each channel.
     pub radiance: [Estimate; 3],
     /// Whether paths were cut off, so that their light is missing.
@@ -127,27 +127,27 @@ struct Brought {
     cut: bool,
 }
 
-impl<'a> Tracer<'a> {
+impl<'a> PathTracer<'a> {
     /// # Errors
     /// [`crate::Error::Input`] when a map, a mesh or an index does not fit; see [`World::validate`].
-    pub fn new(world: &'a World, paths: Paths) -> Result<Tracer<'a>> {
+    pub fn new(world: &'a ReferenceWorld, paths: PathSettings) -> Result<PathTracer<'a>> {
         world.validate()?;
-        Ok(Tracer { stage: Stage::new(world), lights: Lights::new(world), paths })
+        Ok(PathTracer { stage: Stage::new(world), lights: SceneLights::new(world), paths })
     }
 
     /// The world that is traced.
-    pub fn world(&self) -> &'a World {
+    pub fn world(&self) -> &'a ReferenceWorld {
         self.stage.world
     }
 
     /// The light along one line of sight, estimated from `paths` paths.
-    pub fn look(&self, eye: DVec3, direction: DVec3, paths: u32, seed: u64) -> Seen {
+    pub fn look(&self, eye: DVec3, direction: DVec3, paths: u32, seed: u64) -> SightRadiance {
         let ray = Ray::new(eye, direction.normalize_or_zero());
         let [r, g, b, cut] = estimate::estimate(seed, paths, |samples| {
             let told = |Brought { radiance: [r, g, b], cut, .. }| [r, g, b, f64::from(u8::from(cut))];
             self.follow_each(samples.iter_mut().map(|samples| (ray, samples))).into_iter().map(told).collect()
         });
-        Seen { radiance: [r, g, b], cut: cut.mean > 0.0 }
+        SightRadiance { radiance: [r, g, b], cut: cut.mean > 0.0 }
     }
 
     /// The radiance along a ray that hits nothing: the background where the sky is constant, otherwise the sky, and the
@@ -163,14 +163,14 @@ impl<'a> Tracer<'a> {
     }
 
     /// One path from the camera along `ray` (of unit direction).
-    fn follow(&self, ray: Ray, samples: &mut Samples) -> Brought {
+    fn follow(&self, ray: Ray, samples: &mut PathSampler) -> Brought {
         self.follow_each([(ray, samples)]).pop().unwrap_or_default()
     }
 
     /// Paths from the camera along rays (of unit direction), side by side: all make their next turn, then what they
     /// meet next is looked for together. What a path brings does not depend on those beside it.
-    fn follow_each<'s>(&self, begun: impl IntoIterator<Item = (Ray, &'s mut Samples)>) -> Vec<Brought> {
-        let Paths { bounces, strategy } = self.paths;
+    fn follow_each<'s>(&self, begun: impl IntoIterator<Item = (Ray, &'s mut PathSampler)>) -> Vec<Brought> {
+        let PathSettings { bounces, strategy } = self.paths;
         let most = bounces.unwrap_or(MOST_SCATTERINGS).min(MOST_SCATTERINGS);
         let by_lights = self.lights.drawn(strategy);
         let (mut paths, mut open, mut rays, mut turns) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -198,7 +198,7 @@ impl<'a> Tracer<'a> {
             for (k, met) in open.drain(..) {
                 let Path { samples, carried, brought } = &mut paths[k];
                 let surface = self.stage.surface(&met, SideBy::Triangle);
-                let scatter = Scatter::new(&self.stage, &surface, *carried, surface.rho_t());
+                let scatter = ScatterPoint::new(&self.stage, &surface, *carried, surface.rho_t());
                 if !by_lights {
                     // A turn's numbers are its own, whether lights are drawn or not.
                     samples.skip();
@@ -250,7 +250,7 @@ impl<'a> Tracer<'a> {
 
 /// A path on its way.
 struct Path<'s> {
-    samples: &'s mut Samples,
+    samples: &'s mut PathSampler,
     /// What it lets through of light that it meets, a channel each.
     carried: [f64; 3],
     brought: Brought,

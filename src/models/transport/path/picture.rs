@@ -9,21 +9,21 @@
 //! Means and sums are rounded to f32 after every round. So a picture that was stored and read again continues with the
 //! same bits.
 
-use super::samples::{MOST_PATHS, Samples};
-use super::{Brought, SIDE_BY_SIDE, Tracer};
-use crate::render::Lens;
+use super::samples::{MOST_PATHS, PathSampler};
+use super::{Brought, PathTracer, SIDE_BY_SIDE};
+use crate::renderer::CameraRays;
 use crate::seeds::{mix, scramble};
-use crate::world::Camera;
+use crate::world::ReferenceCamera;
 use crate::{Error, Result};
-use mesophyll_files::image::{Maps, Packing, read_exr, write_exr};
-use mesophyll_files::progress::{self, Bar};
+use mesophyll_files::image::{ChannelMaps, Packing, read_exr, write_exr};
+use mesophyll_files::progress::{self, TaskProgress};
 use rayon::prelude::*;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// When drawing ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Target {
+pub struct SamplingTarget {
     /// Camera paths for each pixel; with `None` drawing goes on until `error` is reached.
     pub samples: Option<u32>,
     /// Median relative error ([`Picture::median_error`]) at which drawing ends earlier.
@@ -32,20 +32,20 @@ pub struct Target {
 
 /// Everything that determines a picture's bits, besides the tracer.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Request {
+pub struct PathRequest {
     /// The camera.
-    pub camera: Camera,
+    pub camera: ReferenceCamera,
     /// Width and height in pixels.
     pub size: [usize; 2],
     /// Seed of the random numbers.
     pub seed: u64,
     /// When drawing ends.
-    pub target: Target,
+    pub target: SamplingTarget,
 }
 
 /// How drawing ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Progress {
+pub enum DrawingOutcome {
     /// The number of paths or the error that was requested is reached.
     Done,
     /// A stop was requested; the picture can be continued.
@@ -54,7 +54,7 @@ pub enum Progress {
 
 /// What has been drawn so far; row-major, row 0 on top.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
+pub struct PathPicture {
     /// Width in pixels.
     pub width: usize,
     /// Height in pixels.
@@ -78,11 +78,11 @@ const LEAST_ROUNDS: u32 = 4;
 /// Time between two calls of the function that stores an unfinished picture.
 const STORE_EVERY: Duration = Duration::from_secs(30);
 
-impl Picture {
+impl PathPicture {
     /// A picture without any paths yet.
-    pub fn new(width: usize, height: usize) -> Picture {
+    pub fn new(width: usize, height: usize) -> PathPicture {
         let pixels = width * height;
-        Picture {
+        PathPicture {
             width,
             height,
             mean: vec![[0.0; 3]; pixels],
@@ -136,11 +136,11 @@ impl Picture {
     /// [`Error::Usage`] for an empty picture, no samples, or a camera that looks nowhere; those of `store`.
     pub fn draw(
         &mut self,
-        tracer: &Tracer,
-        request: &Request,
+        tracer: &PathTracer,
+        request: &PathRequest,
         what: &str,
-        store: &mut dyn FnMut(&Picture) -> Result<()>,
-    ) -> Result<Progress> {
+        store: &mut dyn FnMut(&PathPicture) -> Result<()>,
+    ) -> Result<DrawingOutcome> {
         let [width, height] = request.size;
         if width == 0 || height == 0 || [self.width, self.height] != request.size {
             return Err(Error::Usage(format!("a picture of {width}×{height} pixels, expected at least 1×1")));
@@ -148,7 +148,7 @@ impl Picture {
         if request.target.samples == Some(0) {
             return Err(Error::Usage("0 samples a pixel, expected at least 1".into()));
         }
-        let lens = Lens::new(&request.camera, width, height)?;
+        let lens = CameraRays::new(&request.camera, width, height)?;
         let mut stored = Instant::now();
         let (mut bar, before) = (None, self.total_paths());
         loop {
@@ -160,7 +160,7 @@ impl Picture {
                 || (level && self.done[0][1] >= LEAST_ROUNDS.min(rounds_of(request.target)) && reached())
             {
                 store(self)?;
-                return Ok(Progress::Done);
+                return Ok(DrawingOutcome::Done);
             }
             let bar = bar.get_or_insert_with(|| self.bar(what, request.target));
             // The rows with the fewest rounds come first.
@@ -187,7 +187,7 @@ impl Picture {
             }
             if progress::stop_requested() {
                 store(self)?;
-                return Ok(Progress::Stopped);
+                return Ok(DrawingOutcome::Stopped);
             }
             if stored.elapsed() > STORE_EVERY {
                 store(self)?;
@@ -198,7 +198,7 @@ impl Picture {
 
     /// The number of paths after which the error will probably be as small as requested. `None` if only a number of
     /// paths is requested, or if the error is not known yet. Half the error needs four times the paths.
-    fn expected(&self, target: Target, followed: u64) -> Option<u64> {
+    fn expected(&self, target: SamplingTarget, followed: u64) -> Option<u64> {
         let ratio = self.median_error()? / target.error.filter(|_| target.samples.is_none())?;
         let wanted = self.total_paths() as f64 * ratio * ratio;
         // A whole number of rounds, and at least the number from which on an error can end a picture.
@@ -208,13 +208,13 @@ impl Picture {
     }
 
     /// A progress bar over the remaining paths. Where only an error is requested, their number is not known.
-    fn bar(&self, what: &str, target: Target) -> Bar {
+    fn bar(&self, what: &str, target: SamplingTarget) -> TaskProgress {
         match target.samples {
             Some(samples) => {
                 let left = (u64::from(samples) * (self.width * self.height) as u64).saturating_sub(self.total_paths());
-                Bar::new(what, left)
+                TaskProgress::new(what, left)
             }
-            None => Bar::of(what),
+            None => TaskProgress::of(what),
         }
     }
 
@@ -240,7 +240,7 @@ impl Picture {
     /// # Errors
     /// [`Error::Write`] naming the file.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let mut maps = Maps::new(self.width, self.height);
+        let mut maps = ChannelMaps::new(self.width, self.height);
         let errors: Vec<[f32; 3]> = (0..self.mean.len()).map(|k| self.error(k)).collect();
         for (prefix, values) in [("", &self.mean), ("error.", &errors)] {
             for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
@@ -255,7 +255,7 @@ impl Picture {
     /// # Errors
     /// [`Error::Write`] naming the file.
     pub fn store(&self, path: &Path) -> Result<()> {
-        let mut maps = Maps::new(self.width, self.height);
+        let mut maps = ChannelMaps::new(self.width, self.height);
         let row = |k: usize| k / self.width;
         for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
             maps.push(channel, self.mean.iter().map(|v| v[c]).collect());
@@ -274,13 +274,13 @@ impl Picture {
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing, damaged or of another size.
-    pub fn restore(path: &Path, [width, height]: [usize; 2]) -> Result<Picture> {
+    pub fn restore(path: &Path, [width, height]: [usize; 2]) -> Result<PathPicture> {
         let maps = read_exr(path)?;
         if [maps.width, maps.height] != [width, height] {
             let found = format!("a picture of {}×{} pixels, expected {width}×{height}", maps.width, maps.height);
             return Err(Error::input(path, found));
         }
-        let mut out = Picture::new(width, height);
+        let mut out = PathPicture::new(width, height);
         for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
             let (mean, spread) = (maps.require(path, channel)?, maps.require(path, &format!("spread.{channel}"))?);
             for k in 0..width * height {
@@ -300,7 +300,7 @@ impl Picture {
 
 /// Number of rounds of a picture with so many paths for each pixel: enough rounds for a good error, each long enough to
 /// cover its dimensions evenly.
-fn rounds_of(target: Target) -> u32 {
+fn rounds_of(target: SamplingTarget) -> u32 {
     match target.samples {
         Some(samples) => {
             let even = 2u32 << (f64::from(samples).sqrt().log2() as u32);
@@ -311,7 +311,7 @@ fn rounds_of(target: Target) -> u32 {
 }
 
 /// Number of paths of the next round of a row with `[paths, rounds]`; `None` where the row is finished.
-fn next_round([paths, rounds]: [u32; 2], target: Target) -> Option<u32> {
+fn next_round([paths, rounds]: [u32; 2], target: SamplingTarget) -> Option<u32> {
     let Some(samples) = target.samples else { return Some(ROUND) };
     let left = samples.checked_sub(paths).filter(|n| *n > 0)?;
     let of = |samples: u32, count: u32, k: u32| samples / count + u32::from(k < samples % count);
@@ -331,12 +331,12 @@ pub(super) fn pixel_seed(seed: u64, pixel: usize, round: u32) -> u32 {
     scramble(mix(seed, pixel as u64), u64::from(round))
 }
 
-impl Tracer<'_> {
+impl PathTracer<'_> {
     /// The means of `paths` paths through each pixel of row `j`, and how many were cut off: a box filter over the
     /// pixel's square. `None` where a stop was asked for.
     pub(super) fn row(
         &self,
-        lens: &Lens,
+        lens: &CameraRays,
         j: usize,
         width: usize,
         paths: u32,
@@ -350,8 +350,8 @@ impl Tracer<'_> {
                 return None;
             }
             let numbers = first..all.min(first + u64::from(SIDE_BY_SIDE));
-            let mut samples: Vec<Samples> =
-                numbers.clone().map(|n| Samples::new(seed(pixel(n)), (n % u64::from(paths)) as u32)).collect();
+            let mut samples: Vec<PathSampler> =
+                numbers.clone().map(|n| PathSampler::new(seed(pixel(n)), (n % u64::from(paths)) as u32)).collect();
             let begun = numbers.clone().zip(&mut samples).map(|(n, samples)| {
                 let [x, y, ..] = samples.next();
                 (lens.ray(pixel(n) as f64 + x, j as f64 + y), samples)

@@ -1,26 +1,26 @@
 //! Pictures as a whole: their stated errors, what is stored and taken up again, and paths that are followed together.
 
-use super::picture::{Picture, Progress};
+use super::picture::{DrawingOutcome, PathPicture};
 use super::tests::BOTH;
 use super::*;
-use crate::made_up::{leaf, plates, square};
-use crate::world::{Camera, Placement, ReferenceSun};
+use crate::test_worlds::{leaf, plates, square};
+use crate::world::{ReferenceCamera, ReferencePlacement, ReferenceSun};
 use glam::DMat4;
 
-fn picture_of(world: &World, samples: u32, seed: u64) -> Picture {
-    let tracer = Tracer::new(world, BOTH).unwrap();
-    let mut picture = Picture::new(24, 24);
-    let request = Request {
-        camera: Camera { eye: DVec3::new(3.0, 5.0, 60.0), target: DVec3::ZERO, up: DVec3::Y, fov_y_deg: 40.0 },
+fn picture_of(world: &ReferenceWorld, samples: u32, seed: u64) -> PathPicture {
+    let tracer = PathTracer::new(world, BOTH).unwrap();
+    let mut picture = PathPicture::new(24, 24);
+    let request = PathRequest {
+        camera: ReferenceCamera { eye: DVec3::new(3.0, 5.0, 60.0), target: DVec3::ZERO, up: DVec3::Y, fov_y_deg: 40.0 },
         size: [24, 24],
         seed,
-        target: Target { samples: Some(samples), error: None },
+        target: SamplingTarget { samples: Some(samples), error: None },
     };
-    assert_eq!(picture.draw(&tracer, &request, "test", &mut |_| Ok(())).unwrap(), Progress::Done);
+    assert_eq!(picture.draw(&tracer, &request, "test", &mut |_| Ok(())).unwrap(), DrawingOutcome::Done);
     picture
 }
 
-fn lit_plates() -> World {
+fn lit_plates() -> ReferenceWorld {
     let mut world = plates(15.0, &[(0.0, [0.5, 0.5], 0.3), (9.0, [0.3, 0.2], 0.4)]);
     world.instances[1].transform =
         DMat4::from_rotation_translation(glam::DQuat::from_rotation_x(0.7), DVec3::new(4.0, 2.0, 12.0));
@@ -70,21 +70,21 @@ fn stated_errors_are_true() {
 #[test]
 fn a_stored_picture_goes_on_to_the_same_bits() {
     let world = lit_plates();
-    let tracer = Tracer::new(&world, BOTH).unwrap();
+    let tracer = PathTracer::new(&world, BOTH).unwrap();
     let whole = picture_of(&world, 40, 3);
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("part.exr");
-    let mut picture = Picture::new(24, 24);
-    let request = |samples| Request {
-        camera: Camera { eye: DVec3::new(3.0, 5.0, 60.0), target: DVec3::ZERO, up: DVec3::Y, fov_y_deg: 40.0 },
+    let mut picture = PathPicture::new(24, 24);
+    let request = |samples| PathRequest {
+        camera: ReferenceCamera { eye: DVec3::new(3.0, 5.0, 60.0), target: DVec3::ZERO, up: DVec3::Y, fov_y_deg: 40.0 },
         size: [24, 24],
         seed: 3,
-        target: Target { samples: Some(samples), error: None },
+        target: SamplingTarget { samples: Some(samples), error: None },
     };
     // The picture is stored after every round. The first store that is not the last is continued.
     let mut rounds = 0;
     loop {
-        let lens = crate::render::Lens::new(&request(40).camera, 24, 24).unwrap();
+        let lens = crate::renderer::CameraRays::new(&request(40).camera, 24, 24).unwrap();
         // One row at a time, as in an interrupted picture.
         let j = rounds % 24;
         let (row, _) = tracer.row(&lens, j, 24, 5, |i| picture::pixel_seed(3, j * 24 + i, 0)).unwrap();
@@ -95,7 +95,7 @@ fn a_stored_picture_goes_on_to_the_same_bits() {
         }
     }
     picture.store(&path).unwrap();
-    let mut again = Picture::restore(&path, [24, 24]).unwrap();
+    let mut again = PathPicture::restore(&path, [24, 24]).unwrap();
     assert_eq!(again, picture);
     again.draw(&tracer, &request(40), "test", &mut |_| Ok(())).unwrap();
     assert_eq!(again, whole);
@@ -104,7 +104,7 @@ fn a_stored_picture_goes_on_to_the_same_bits() {
     again.draw(&tracer, &request(72), "test", &mut |_| Ok(())).unwrap();
     assert_eq!(again.paths(), [72, 72]);
     assert!(again.median_error().unwrap() < whole.median_error().unwrap());
-    assert!(Picture::restore(&path, [24, 25]).is_err());
+    assert!(PathPicture::restore(&path, [24, 25]).is_err());
 }
 
 /// A path brings the same, to the last bit, alone and beside others, whose rays take turns. Some leaves have holes.
@@ -117,24 +117,24 @@ fn paths_side_by_side_bring_what_they_bring_alone() {
         let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, f, 2.0 * f, 0.3 * f);
         let at = DVec3::new((1.7 * f).sin() * 9.0, (2.9 * f).cos() * 9.0, 0.3 * f);
         let leaf = world.leaves.len() - 1;
-        world.instances.push(Placement { leaf, transform: DMat4::from_rotation_translation(turn, at) });
+        world.instances.push(ReferencePlacement { leaf, transform: DMat4::from_rotation_translation(turn, at) });
     }
     let last = world.leaves.last_mut().unwrap();
     (last.width, last.height, last.mask) = (3, 3, Some(vec![255, 255, 0, 255, 0, 255, 255, 255, 255]));
     for side in [&mut last.front, &mut last.back] {
-        let crate::Interior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("other maps") };
+        let crate::ReferenceInterior::Maps { rho_d, rho_t } = &mut side.interior else { panic!("other maps") };
         let gloss = side.gloss.iter_mut().flat_map(|g| g.rho_s.iter_mut().chain([&mut g.m]));
         rho_d.iter_mut().chain(rho_t).chain(gloss).for_each(|map| map.resize(9, map[0]));
     }
     for bounces in [None, Some(3)] {
-        let tracer = Tracer::new(&world, Paths { bounces, strategy: Strategy::Both }).unwrap();
+        let tracer = PathTracer::new(&world, PathSettings { bounces, strategy: SamplingStrategy::Both }).unwrap();
         let begin = |k: u32| {
             let f = f64::from(k);
             let from = DVec3::new(f.sin() * 20.0, f.cos() * 20.0, 30.0);
             let to = DVec3::new((3.0 * f).sin(), (5.0 * f).cos(), 0.1) * 8.0;
-            (Ray::new(from, (to - from).normalize()), Samples::new(5, k))
+            (Ray::new(from, (to - from).normalize()), PathSampler::new(5, k))
         };
-        let (rays, mut samples): (Vec<Ray>, Vec<Samples>) = (0..400).map(begin).unzip();
+        let (rays, mut samples): (Vec<Ray>, Vec<PathSampler>) = (0..400).map(begin).unzip();
         let together = tracer.follow_each(rays.into_iter().zip(&mut samples));
         let mut met = 0;
         for (k, brought) in (0..).zip(together) {

@@ -12,17 +12,17 @@ pub const MOST_PATHS: u32 = 1 << 16;
 
 /// The numbers of one path.
 #[derive(Debug, Clone)]
-pub struct Samples {
+pub struct PathSampler {
     seed: u32,
     index: u32,
     /// Index of the next four dimensions.
     set: u32,
 }
 
-impl Samples {
+impl PathSampler {
     /// The numbers of path `index` (below [`MOST_PATHS`]) of the randomisation `seed`.
-    pub fn new(seed: u32, index: u32) -> Samples {
-        Samples { seed, index, set: 0 }
+    pub fn new(seed: u32, index: u32) -> PathSampler {
+        PathSampler { seed, index, set: 0 }
     }
 
     /// Skips four numbers that are not needed.

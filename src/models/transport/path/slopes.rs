@@ -10,15 +10,15 @@
 //! and where light is met, d times the light and carried times the light's own derivative are added. Nothing is divided
 //! by a reflectance, so that black leaves have derivatives too. Balance weights and roulette are fixed numbers.
 
-use super::lights::Light;
-use super::scatter::Scatter;
-use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, Samples, Tracer, estimate};
+use super::lights::LightSample;
+use super::scattering::ScatterPoint;
+use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, PathSampler, PathTracer, estimate};
 use crate::Result;
 use crate::accelerate::Ray;
 use crate::dome::RadianceAt;
-use crate::render::Lens;
+use crate::renderer::CameraRays;
 use crate::stage::SideBy;
-use crate::world::Camera;
+use crate::world::ReferenceCamera;
 use glam::DVec3;
 use mesophyll_files::progress;
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ use rayon::prelude::*;
 /// What radiance is differentiated by. Each has a number for each channel, which changes the light of that channel
 /// alone; a number that all channels share is the sum of its derivatives.
 #[derive(Clone)]
-pub enum Of {
+pub enum RadianceParameter {
     /// ρd of a leaf of the world, by its index, of the front or the back.
     RhoD {
         /// Index of the leaf.
@@ -56,7 +56,7 @@ const WORTH: f64 = 0.1;
 
 /// What one path brings.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Brought {
+pub struct PathContribution {
     /// Radiance.
     pub radiance: [f64; 3],
     /// Its derivatives, in the order of the list.
@@ -65,7 +65,7 @@ pub struct Brought {
 
 /// Pictures of radiance and of its derivatives.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Sheet {
+pub struct DerivativePicture {
     /// Mean radiance of each pixel (or direction).
     pub mean: Vec<[f64; 3]>,
     /// The variance of that mean.
@@ -75,9 +75,9 @@ pub struct Sheet {
 }
 
 /// A tracer that also follows derivatives.
-pub struct Slopes<'a> {
-    tracer: &'a Tracer<'a>,
-    of: &'a [Of],
+pub struct DerivativeTracer<'a> {
+    tracer: &'a PathTracer<'a>,
+    of: &'a [RadianceParameter],
     /// For each leaf, the derivative by ρd of front and back, ρt, ρs and m, by its index in the list.
     leaves: Vec<[Option<usize>; 5]>,
 }
@@ -85,29 +85,29 @@ pub struct Slopes<'a> {
 /// The terms ∂f at one direction: the index of the derivative, and its value for each channel.
 type Terms = [Option<(usize, [f64; 3])>; 2];
 
-impl<'a> Slopes<'a> {
+impl<'a> DerivativeTracer<'a> {
     /// Derivatives by everything in `of`. Leaves by B1's models have none.
-    pub fn new(tracer: &'a Tracer<'a>, of: &'a [Of]) -> Slopes<'a> {
+    pub fn new(tracer: &'a PathTracer<'a>, of: &'a [RadianceParameter]) -> DerivativeTracer<'a> {
         let mut leaves = vec![[None; 5]; tracer.world().leaves.len()];
         for (k, of) in of.iter().enumerate() {
             let (leaf, slot) = match of {
-                Of::RhoD { leaf, back } => (*leaf, usize::from(*back)),
-                Of::RhoT(leaf) => (*leaf, 2),
-                Of::RhoS(leaf) => (*leaf, 3),
-                Of::Slope(leaf) => (*leaf, 4),
-                Of::Light { .. } => continue,
+                RadianceParameter::RhoD { leaf, back } => (*leaf, usize::from(*back)),
+                RadianceParameter::RhoT(leaf) => (*leaf, 2),
+                RadianceParameter::RhoS(leaf) => (*leaf, 3),
+                RadianceParameter::Slope(leaf) => (*leaf, 4),
+                RadianceParameter::Light { .. } => continue,
             };
             leaves[leaf][slot] = Some(k);
         }
-        Slopes { tracer, of, leaves }
+        DerivativeTracer { tracer, of, leaves }
     }
 
     /// One path along `ray` (of unit direction).
-    fn follow(&self, mut ray: Ray, samples: &mut Samples) -> Brought {
-        let Tracer { stage, lights, paths } = self.tracer;
+    fn follow(&self, mut ray: Ray, samples: &mut PathSampler) -> PathContribution {
+        let PathTracer { stage, lights, paths } = self.tracer;
         let strategy = paths.strategy;
         let most = paths.bounces.unwrap_or(MOST_SCATTERINGS).min(MOST_SCATTERINGS);
-        let mut out = Brought { radiance: [0.0; 3], slopes: vec![[0.0; 3]; self.of.len()] };
+        let mut out = PathContribution { radiance: [0.0; 3], slopes: vec![[0.0; 3]; self.of.len()] };
         let Some(mut met) = stage.nearest(&ray) else {
             out.radiance = self.tracer.background(ray.direction);
             let disk = lights.disk(ray.direction);
@@ -128,11 +128,11 @@ impl<'a> Slopes<'a> {
             if weigh.iter().all(|c| *c <= 0.0) {
                 weigh = [1.0; 3];
             }
-            let mut scatter = Scatter::new(stage, &surface, weigh, surface.rho_t());
+            let mut scatter = ScatterPoint::new(stage, &surface, weigh, surface.rho_t());
             let by_side = of_leaf[usize::from(surface.back)];
             let asked = [by_side.is_some(), of_leaf[2].is_some(), of_leaf[3].is_some() || of_leaf[4].is_some()];
             scatter.raise(asked, LEAST);
-            let terms = |l: DVec3, scatter: &Scatter| -> [Terms; 2] {
+            let terms = |l: DVec3, scatter: &ScatterPoint| -> [Terms; 2] {
                 let [diffuse, through, gloss, by_m] = scatter.lobes(l);
                 let one = |at: Option<usize>, v: f64| at.filter(|_| v != 0.0).map(|k| (k, [v; 3]));
                 let rho_s = scatter.rho_s();
@@ -201,8 +201,8 @@ impl<'a> Slopes<'a> {
     #[allow(clippy::too_many_arguments, reason = "the state of a path at one surface")]
     fn gather(
         &self,
-        out: &mut Brought,
-        light: &Light,
+        out: &mut PathContribution,
+        light: &LightSample,
         share: f64,
         carried: [f64; 3],
         d: &[[f64; 3]],
@@ -233,7 +233,15 @@ impl<'a> Slopes<'a> {
     }
 
     /// The end of a path, outside of the scene.
-    fn end(&self, out: &mut Brought, at: DVec3, density: f64, with_sun: bool, carried: [f64; 3], d: &[[f64; 3]]) {
+    fn end(
+        &self,
+        out: &mut PathContribution,
+        at: DVec3,
+        density: f64,
+        with_sun: bool,
+        carried: [f64; 3],
+        d: &[[f64; 3]],
+    ) {
         let (lights, strategy) = (&self.tracer.lights, self.tracer.paths.strategy);
         let sky = lights.seen(at, density, strategy, false);
         let all = if with_sun { lights.seen(at, density, strategy, true) } else { sky };
@@ -253,9 +261,15 @@ impl<'a> Slopes<'a> {
 
     /// Adds the derivatives by the light's own numbers. `through` is what the path lets through, `sky` the derivative
     /// of the sky's part, and `sun` what a sun of irradiance 1 would give.
-    fn light(&self, out: &mut Brought, through: [f64; 3], sky: impl Fn(Option<&RadianceAt>) -> [f64; 3], sun: f64) {
+    fn light(
+        &self,
+        out: &mut PathContribution,
+        through: [f64; 3],
+        sky: impl Fn(Option<&RadianceAt>) -> [f64; 3],
+        sun: f64,
+    ) {
         for (k, of) in self.of.iter().enumerate() {
-            if let Of::Light { sky: by_sky, sun: by_sun } = of {
+            if let RadianceParameter::Light { sky: by_sky, sun: by_sun } = of {
                 let sky = sky(by_sky.as_ref());
                 (0..3).for_each(|c| out.slopes[k][c] += through[c] * (sky[c] + by_sun[c] * sun));
             }
@@ -277,7 +291,7 @@ impl<'a> Slopes<'a> {
         [rounds, each]: [u32; 2],
         seed: u64,
         ray: impl Fn(usize, [f64; 2]) -> Ray + Sync,
-    ) -> Result<Sheet> {
+    ) -> Result<DerivativePicture> {
         let n = self.of.len();
         let of = |place: usize| {
             let (mut means, mut slopes) = (Vec::with_capacity(rounds as usize), vec![[0.0; 3]; n]);
@@ -288,7 +302,7 @@ impl<'a> Slopes<'a> {
                 let seed = super::picture::pixel_seed(seed, place, round);
                 let mut mean = [0.0; 3];
                 for path in 0..each {
-                    let mut samples = Samples::new(seed, path);
+                    let mut samples = PathSampler::new(seed, path);
                     let [x, y, ..] = samples.next();
                     let found = self.follow(ray(place, [x, y]), &mut samples);
                     (0..3).for_each(|c| mean[c] += found.radiance[c] / f64::from(each));
@@ -304,7 +318,8 @@ impl<'a> Slopes<'a> {
         };
         let all: Vec<_> = (0..count).into_par_iter().map(of).collect();
         progress::go_on()?;
-        let mut out = Sheet { mean: Vec::new(), variance: Vec::new(), slopes: Vec::with_capacity(n * count) };
+        let mut out =
+            DerivativePicture { mean: Vec::new(), variance: Vec::new(), slopes: Vec::with_capacity(n * count) };
         for (mean, variance, slopes) in all {
             out.mean.push(mean);
             out.variance.push(variance);
@@ -318,9 +333,15 @@ impl<'a> Slopes<'a> {
     ///
     /// # Errors
     /// [`crate::Error::Usage`] for a camera that looks nowhere, and a stop that was asked for.
-    pub fn picture(&self, camera: &Camera, size: [usize; 2], [rounds, each]: [u32; 2], seed: u64) -> Result<Sheet> {
+    pub fn picture(
+        &self,
+        camera: &ReferenceCamera,
+        size: [usize; 2],
+        [rounds, each]: [u32; 2],
+        seed: u64,
+    ) -> Result<DerivativePicture> {
         let [width, height] = size;
-        let lens = Lens::new(camera, width, height)?;
+        let lens = CameraRays::new(camera, width, height)?;
         self.sheet(width * height, [rounds, each], seed, |k, [x, y]| {
             lens.ray((k % width) as f64 + x, (k / width) as f64 + y)
         })
@@ -331,7 +352,13 @@ impl<'a> Slopes<'a> {
     ///
     /// # Errors
     /// A stop that was asked for.
-    pub fn factors(&self, canopy: &Canopy, toward: &[[f64; 2]], [rounds, each]: [u32; 2], seed: u64) -> Result<Sheet> {
+    pub fn factors(
+        &self,
+        canopy: &Canopy,
+        toward: &[[f64; 2]],
+        [rounds, each]: [u32; 2],
+        seed: u64,
+    ) -> Result<DerivativePicture> {
         let mut sheet = self.sheet(toward.len(), [rounds, each], seed, |k, at| canopy.seen_from(toward[k], at))?;
         let of = canopy.factors();
         for c in 0..3 {

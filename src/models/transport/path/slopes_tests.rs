@@ -1,18 +1,18 @@
 //! Derivatives along paths are compared with those of closed forms, and with differences of radiance.
 
-use super::slopes::{Of, Slopes};
+use super::slopes::{DerivativeTracer, RadianceParameter};
 use super::tests::BOTH;
 use super::*;
-use crate::made_up::{leaf, plates, square};
-use crate::world::{Camera, Placement, ReferenceSun};
+use crate::test_worlds::{leaf, plates, square};
+use crate::world::{ReferenceCamera, ReferencePlacement, ReferenceSun};
 use glam::DMat4;
 use std::sync::Arc;
 
 /// Means and standard errors of the green channel's radiance and derivatives along a line of sight, over rounds.
-fn along(world: &World, of: &[Of], from: DVec3, to: DVec3, paths: u32) -> Vec<(f64, f64)> {
-    let tracer = Tracer::new(world, BOTH).unwrap();
-    let slopes = Slopes::new(&tracer, of);
-    let camera = Camera { eye: from, target: to, up: DVec3::new(0.3, 0.8, 0.1), fov_y_deg: 1e-6 };
+fn along(world: &ReferenceWorld, of: &[RadianceParameter], from: DVec3, to: DVec3, paths: u32) -> Vec<(f64, f64)> {
+    let tracer = PathTracer::new(world, BOTH).unwrap();
+    let slopes = DerivativeTracer::new(&tracer, of);
+    let camera = ReferenceCamera { eye: from, target: to, up: DVec3::new(0.3, 0.8, 0.1), fov_y_deg: 1e-6 };
     let rounds: Vec<Vec<f64>> = (0..16)
         .map(|k| {
             let sheet = slopes.picture(&camera, [1, 1], [8, paths / 128], k).unwrap();
@@ -43,12 +43,12 @@ fn plates_have_the_derivatives_of_their_closed_form() {
         let mut world = plates(1e7, &[(20.0, [front, back], tau1), (0.0, [rho2, 0.5], tau2)]);
         world.sky = Some([1.0; 3]);
         let of = [
-            Of::RhoD { leaf: 0, back: false },
-            Of::RhoD { leaf: 0, back: true },
-            Of::RhoT(0),
-            Of::RhoD { leaf: 1, back: false },
-            Of::RhoT(1),
-            Of::Light { sky: Some(Arc::new(|_| [1.0; 3])), sun: [0.0; 3] },
+            RadianceParameter::RhoD { leaf: 0, back: false },
+            RadianceParameter::RhoD { leaf: 0, back: true },
+            RadianceParameter::RhoT(0),
+            RadianceParameter::RhoD { leaf: 1, back: false },
+            RadianceParameter::RhoT(1),
+            RadianceParameter::Light { sky: Some(Arc::new(|_| [1.0; 3])), sun: [0.0; 3] },
         ];
         let found = along(&world, &of, DVec3::new(3.0, 5.0, 90.0), DVec3::new(0.0, 0.0, 20.0), 1 << 16);
         let slope = |k: usize| {
@@ -76,9 +76,9 @@ fn sun_gloss_and_ground_agree_with_differences() {
             let f = f64::from(k);
             let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.5 * f.sin(), 0.4 * f.cos(), f);
             let at = DVec3::new(25.0 * (2.1 * f).sin(), 25.0 * (1.3 * f).cos(), 20.0 + 8.0 * f);
-            world.instances.push(Placement { leaf: 0, transform: DMat4::from_rotation_translation(turn, at) });
+            world.instances.push(ReferencePlacement { leaf: 0, transform: DMat4::from_rotation_translation(turn, at) });
         }
-        world.instances.push(Placement { leaf: 1, transform: DMat4::IDENTITY });
+        world.instances.push(ReferencePlacement { leaf: 1, transform: DMat4::IDENTITY });
         let direction = DVec3::new(0.3, -0.4, 0.8);
         world.sun = Some(ReferenceSun { direction, irradiance: [sun; 3], radius: 0.1 });
         world.sky = Some([0.4; 3]);
@@ -86,17 +86,17 @@ fn sun_gloss_and_ground_agree_with_differences() {
     };
     let at = [0.25, 0.2, 0.06, 0.35, 0.3, 3.0];
     let of = [
-        Of::RhoD { leaf: 0, back: false },
-        Of::RhoT(0),
-        Of::RhoS(0),
-        Of::Slope(0),
-        Of::RhoD { leaf: 1, back: false },
-        Of::Light { sky: None, sun: [1.0; 3] },
+        RadianceParameter::RhoD { leaf: 0, back: false },
+        RadianceParameter::RhoT(0),
+        RadianceParameter::RhoS(0),
+        RadianceParameter::Slope(0),
+        RadianceParameter::RhoD { leaf: 1, back: false },
+        RadianceParameter::Light { sky: None, sun: [1.0; 3] },
     ];
     let (from, to) = (DVec3::new(30.0, 60.0, 300.0), DVec3::new(3.0, 2.0, 40.0));
     let found = along(&world(at), &of, from, to, 1 << 15);
     let mean = |x: [f64; 6]| {
-        let seen = Tracer::new(&world(x), BOTH).unwrap().look(from, to - from, 1 << 17, 3).radiance[1];
+        let seen = PathTracer::new(&world(x), BOTH).unwrap().look(from, to - from, 1 << 17, 3).radiance[1];
         (seen.mean, seen.error)
     };
     let (plain, error) = mean(at);

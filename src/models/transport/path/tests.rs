@@ -1,24 +1,24 @@
 //! The path tracer is compared with closed forms, and its samplers with their densities.
 
-use super::lights::{Lights, density};
-use super::scatter::Scatter;
+use super::lights::{SceneLights, density};
+use super::scattering::ScatterPoint;
 use super::*;
-use crate::dome::Dome;
+use crate::dome::ReferenceDome;
 use crate::environment::Environment;
-use crate::lobe::{Lobe, Reflect};
-use crate::made_up::{leaf, plates, side, square};
-use crate::world::{Placement, ReferenceSun};
+use crate::lobe::{Lobe, ReflectionLobe};
+use crate::test_worlds::{leaf, plates, side, square};
+use crate::world::{ReferencePlacement, ReferenceSun};
 use glam::DMat4;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Radiance and its standard error along one line of sight.
-fn along(world: &World, from: DVec3, to: DVec3, paths: Paths, count: u32) -> (f64, f64) {
-    let seen = Tracer::new(world, paths).unwrap().look(from, to - from, count, 9);
+fn along(world: &ReferenceWorld, from: DVec3, to: DVec3, paths: PathSettings, count: u32) -> (f64, f64) {
+    let seen = PathTracer::new(world, paths).unwrap().look(from, to - from, count, 9);
     (seen.radiance[1].mean, seen.radiance[1].error)
 }
 
-pub const BOTH: Paths = Paths { bounces: None, strategy: Strategy::Both };
+pub const BOTH: PathSettings = PathSettings { bounces: None, strategy: SamplingStrategy::Both };
 
 fn close((found, error): (f64, f64), want: f64, at_most: f64, what: &str) {
     assert!(error <= at_most * want, "{what}: the estimate {found} ± {error} is too coarse");
@@ -36,16 +36,18 @@ fn leaves_that_absorb_nothing_vanish_in_a_constant_sky() {
         let f = f64::from(k);
         let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, f, 2.0 * f, 0.3 * f);
         let at = DVec3::new((1.7 * f).sin() * 30.0, (2.9 * f).cos() * 30.0, f - 20.0);
-        world.instances.push(Placement { leaf: k as usize % 2, transform: DMat4::from_rotation_translation(turn, at) });
+        world
+            .instances
+            .push(ReferencePlacement { leaf: k as usize % 2, transform: DMat4::from_rotation_translation(turn, at) });
     }
     world.sky = Some([2.5; 3]);
-    let tracer = Tracer::new(&world, BOTH).unwrap();
+    let tracer = PathTracer::new(&world, BOTH).unwrap();
     let mut met = 0;
     for k in 0..2000 {
         let f = f64::from(k);
         let from = DVec3::new(f.sin() * 90.0, f.cos() * 90.0, 70.0 * (0.37 * f).sin());
         let ray = Ray::new(from, (DVec3::new((3.0 * f).sin(), (5.0 * f).cos(), 0.1) * 20.0 - from).normalize());
-        let brought = tracer.follow(ray, &mut Samples::new(1, k));
+        let brought = tracer.follow(ray, &mut PathSampler::new(1, k));
         assert!(!brought.cut);
         if brought.met {
             met += 1;
@@ -79,13 +81,13 @@ fn wide_plates_meet_their_closed_form() {
 #[test]
 fn a_sheet_between_two_skies() {
     let mut world = plates(1e6, &[(0.0, [0.3, 0.2], 0.45)]);
-    world.dome = Some(Dome {
+    world.dome = Some(ReferenceDome {
         radiance: Arc::new(|d| if d.z > 0.0 { [2.0; 3] } else { [0.5; 3] }),
         seen_below: Some([0.5; 3]),
         nodes: None,
     });
-    for strategy in [Strategy::Both, Strategy::Lights, Strategy::Surfaces] {
-        let paths = Paths { bounces: None, strategy };
+    for strategy in [SamplingStrategy::Both, SamplingStrategy::Lights, SamplingStrategy::Surfaces] {
+        let paths = PathSettings { bounces: None, strategy };
         let above = along(&world, DVec3::new(1.0, 2.0, 5.0), DVec3::ZERO, paths, 8192);
         close(above, 0.3 * 2.0 + 0.45 * 0.5, 0.01, "from above");
         let below = along(&world, DVec3::new(1.0, 2.0, -5.0), DVec3::ZERO, paths, 8192);
@@ -110,18 +112,27 @@ fn a_sheet_between_two_skies() {
 /// many scatterings.
 #[test]
 fn all_ways_of_drawing_agree() {
-    let mut world = World { leaves: vec![leaf(square(10.0), [0.4, 0.3], 0.3, Some((0.2, 0.25)))], ..World::default() };
+    let mut world = ReferenceWorld {
+        leaves: vec![leaf(square(10.0), [0.4, 0.3], 0.3, Some((0.2, 0.25)))],
+        ..ReferenceWorld::default()
+    };
     for (angle, at) in [(0.0, DVec3::ZERO), (1.2, DVec3::new(0.0, 8.0, 6.0)), (-0.8, DVec3::new(5.0, -9.0, 7.0))] {
         let transform = DMat4::from_rotation_translation(glam::DQuat::from_rotation_x(angle), at);
-        world.instances.push(Placement { leaf: 0, transform });
+        world.instances.push(ReferencePlacement { leaf: 0, transform });
     }
     world.sun =
         Some(ReferenceSun { direction: DVec3::new(0.3, 0.1, 0.9).normalize(), irradiance: [2.0; 3], radius: 0.3 });
     let texels = (0..32 * 16).map(|k| [0.2 + ((k * 7919) % 97) as f32 / 50.0; 3]).collect();
     world.environment = Some(Arc::new(Environment::new(32, 16, texels).unwrap()));
     for bounces in [Some(1), Some(2), None] {
-        let ways = [Strategy::Both, Strategy::Lights, Strategy::Surfaces].map(|strategy| {
-            along(&world, DVec3::new(2.0, 1.0, 30.0), DVec3::new(1.0, 1.0, 0.0), Paths { bounces, strategy }, 32_768)
+        let ways = [SamplingStrategy::Both, SamplingStrategy::Lights, SamplingStrategy::Surfaces].map(|strategy| {
+            along(
+                &world,
+                DVec3::new(2.0, 1.0, 30.0),
+                DVec3::new(1.0, 1.0, 0.0),
+                PathSettings { bounces, strategy },
+                32_768,
+            )
         });
         for (mean, error) in &ways[1..] {
             let (both, other) = ways[0];
@@ -129,11 +140,17 @@ fn all_ways_of_drawing_agree() {
             assert!((mean - both).abs() < 4.0 * error.hypot(other), "{bounces:?}: {ways:?}");
         }
         // A constant sky is drawn by surfaces only, or by lights only.
-        let even = World { sky: Some([0.7; 3]), environment: None, ..world.clone() };
+        let even = ReferenceWorld { sky: Some([0.7; 3]), environment: None, ..world.clone() };
         let look = |strategy| {
-            along(&even, DVec3::new(2.0, 1.0, 30.0), DVec3::new(1.0, 1.0, 0.0), Paths { bounces, strategy }, 32_768)
+            along(
+                &even,
+                DVec3::new(2.0, 1.0, 30.0),
+                DVec3::new(1.0, 1.0, 0.0),
+                PathSettings { bounces, strategy },
+                32_768,
+            )
         };
-        let (a, b) = (look(Strategy::Both), look(Strategy::Lights));
+        let (a, b) = (look(SamplingStrategy::Both), look(SamplingStrategy::Lights));
         assert!((a.0 - b.0).abs() < 4.0 * a.1.hypot(b.1), "{bounces:?}: {a:?} {b:?}");
     }
 }
@@ -197,7 +214,7 @@ fn random(k: u32) -> [f64; 4] {
 fn drawn_directions_have_the_density_that_is_stated() {
     let v = DVec3::new(0.5, 0.2, 0.7).normalize();
     for lobe in Lobe::all(1.45) {
-        let scatter = Scatter::level(v, [0.3, 0.25], Some((0.4, 0.35, lobe)));
+        let scatter = ScatterPoint::level(v, [0.3, 0.25], Some((0.4, 0.35, lobe)));
         let z = chi_square(200_000, |k| scatter.draw(random(k)).map(|t| t.direction), |d| scatter.density(d));
         assert!(z < 4.0, "{lobe:?}: {z}");
     }
@@ -216,18 +233,18 @@ fn drawn_directions_have_the_density_that_is_stated() {
         assert!(table.of(d) > 0.0 && map.at(d)[0] > 0.0);
     }
     // Sun and sky together, with the choice between them.
-    let world = World {
+    let world = ReferenceWorld {
         sun: Some(ReferenceSun { direction: DVec3::new(0.2, -0.5, 0.8), irradiance: [1.0; 3], radius: 0.5 }),
-        dome: Some(Dome {
+        dome: Some(ReferenceDome {
             radiance: Arc::new(|d| [if d.z > 0.0 { 1.0 + d.x + 3.0 * (8.0 * (d.z - 1.0)).exp() } else { 0.1 }; 3]),
             seen_below: Some([0.0; 3]),
             nodes: None,
         }),
-        ..World::default()
+        ..ReferenceWorld::default()
     };
-    let lights = Lights::new(&world);
-    let draw = |k: u32| lights.draw(random(k), Strategy::Both).map(|l| l.direction);
-    let z = chi_square(200_000, draw, |d| density(&lights, d, Strategy::Both));
+    let lights = SceneLights::new(&world);
+    let draw = |k: u32| lights.draw(random(k), SamplingStrategy::Both).map(|l| l.direction);
+    let z = chi_square(200_000, draw, |d| density(&lights, d, SamplingStrategy::Both));
     assert!(z < 4.0, "sun and sky: {z}");
 }
 
@@ -236,13 +253,13 @@ fn scattering_is_reciprocal_and_gives_no_more_than_it_gets() {
     let dir = |t: f64, p: f64| DVec3::new(t.sin() * p.cos(), t.sin() * p.sin(), t.cos());
     for lobe in Lobe::all(1.45) {
         for (a, b) in [(dir(0.4, 0.1), dir(1.0, 2.0)), (dir(0.9, 4.0), dir(2.2, 1.0)), (dir(2.0, 0.0), dir(2.9, 3.0))] {
-            let f = |v: DVec3, l: DVec3| Scatter::level(v, [0.3, 0.4], Some((0.2, 0.3, lobe))).times_cosine(l)[0];
+            let f = |v: DVec3, l: DVec3| ScatterPoint::level(v, [0.3, 0.4], Some((0.2, 0.3, lobe))).times_cosine(l)[0];
             let (there, back) = (f(a, b) / b.z.abs(), f(b, a) / a.z.abs());
             assert!((there / back - 1.0).abs() < 1e-12, "{lobe:?}: {there} {back}");
         }
         // With ρd + ρt + ρs = 1, the mean weight of the draws is at most 1 for every view.
         for theta in [0.1, 0.8, 1.3, 1.5] {
-            let scatter = Scatter::level(dir(theta, 0.0), [0.3, 0.2], Some((0.5, 0.3, lobe)));
+            let scatter = ScatterPoint::level(dir(theta, 0.0), [0.3, 0.2], Some((0.5, 0.3, lobe)));
             let n = 20_000;
             let sum: f64 = (0..n).filter_map(|k| scatter.draw(random(k))).map(|t| t.weight[0]).sum();
             let (found, exact) = (sum / f64::from(n), 0.5 + 0.5 * lobe.directional_albedo(theta.cos(), 0.3));

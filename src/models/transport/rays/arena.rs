@@ -6,9 +6,9 @@
 //! of the child's first cache line. If it has [`LEAF`] set, it belongs to a leaf instead, and the rest is the first
 //! line of a packet or the number of an instance.
 
-use crate::rays::collapse::{Child, wide};
 use crate::rays::frame::{Bounds, Frame};
 use crate::rays::lanes::WIDTH;
+use crate::rays::wide_tree::{Child, wide};
 
 /// Eight numbers, as their bits.
 pub(crate) type Row = [u32; WIDTH];

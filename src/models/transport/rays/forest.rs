@@ -4,14 +4,14 @@ use crate::rays::arena::Tree;
 use crate::rays::frame::Bounds;
 use crate::rays::lanes::{Lanes, dispatch};
 use crate::rays::ray::Ray;
-use crate::rays::shape::{Met, Shape};
-use crate::rays::walk::{Local, Visit, walk};
+use crate::rays::shape::{Met, TriangleTree};
+use crate::rays::traversal::{Local, Visit, walk};
 use glam::{DAffine3, DMat4, DVec3};
 use mesophyll_base::processor::InstructionSet;
 
 /// A point where a ray hits a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hit {
+pub struct RayHit {
     /// Distance along the ray, in units of the length of its direction.
     pub t: f64,
     /// The instance that was hit.
@@ -31,19 +31,19 @@ pub(crate) struct Instance {
 
 /// All instances, with a tree of boxes over them.
 #[derive(Debug, Clone)]
-pub struct Forest {
-    pub(crate) shapes: Vec<Shape>,
+pub struct InstanceForest {
+    pub(crate) shapes: Vec<TriangleTree>,
     pub(crate) placed: Vec<Instance>,
     pub(crate) tree: Tree,
     pub(crate) instructions: InstructionSet,
 }
 
-impl Forest {
+impl InstanceForest {
     /// `placed` holds, for each instance, the index of its shape and its local → world transform (affine, invertible).
     ///
     /// # Panics
     /// Where the index of a shape is not below their number.
-    pub fn new(shapes: Vec<Shape>, placed: &[(usize, DMat4)]) -> Forest {
+    pub fn new(shapes: Vec<TriangleTree>, placed: &[(usize, DMat4)]) -> InstanceForest {
         let parts: Vec<Vec<Bounds>> = shapes.iter().map(|shape| shape.tree.parts()).collect();
         let (mut numbers, mut boxes) = (Vec::new(), Vec::new());
         for (k, (shape, transform)) in placed.iter().enumerate() {
@@ -60,11 +60,11 @@ impl Forest {
             .iter()
             .map(|(shape, transform)| Instance { shape: *shape, to_local: DAffine3::from_mat4(transform.inverse()) })
             .collect();
-        Forest { shapes, placed, tree, instructions: InstructionSet::detect() }
+        InstanceForest { shapes, placed, tree, instructions: InstructionSet::detect() }
     }
 
     /// The same forest searched with other instructions, if the processor has them; for tests and measurements.
-    pub fn with_instructions(mut self, set: InstructionSet) -> Forest {
+    pub fn with_instructions(mut self, set: InstructionSet) -> InstanceForest {
         self.instructions = set.or_less();
         self
     }
@@ -83,7 +83,7 @@ impl Forest {
 
     /// The nearest hit with t > 0 that `accept(instance, triangle, barycentric)` accepts (an alpha test). Of several
     /// hits at the same t, the one with the lowest instance and triangle is returned.
-    pub fn nearest(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> Option<Hit> {
+    pub fn nearest(&self, ray: &Ray, accept: impl Fn(usize, usize, [f64; 2]) -> bool) -> Option<RayHit> {
         self.nearest_within(ray, f64::INFINITY, accept)
     }
 
@@ -93,7 +93,7 @@ impl Forest {
         ray: &Ray,
         limit: f64,
         accept: impl Fn(usize, usize, [f64; 2]) -> bool,
-    ) -> Option<Hit> {
+    ) -> Option<RayHit> {
         self.first(ray, limit, &accept)
     }
 
@@ -107,7 +107,7 @@ impl Forest {
         self.any(ray, limit, &accept)
     }
 
-    fn first(&self, ray: &Ray, limit: f64, accept: Accept<'_>) -> Option<Hit> {
+    fn first(&self, ray: &Ray, limit: f64, accept: Accept<'_>) -> Option<RayHit> {
         let mut first = First { accept, farthest: limit, best: None };
         self.search::<false, _>(ray, limit, &mut first);
         first.best
@@ -130,7 +130,7 @@ impl Forest {
     /// triangle is met for sure with t < limit.
     fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: &mut F) -> bool {
         let forest = self;
-        dispatch!(self.instructions, [ANY], [F: Found], search(forest: &Forest, ray: &Ray, limit: f64,
+        dispatch!(self.instructions, [ANY], [F: Found], search(forest: &InstanceForest, ray: &Ray, limit: f64,
             found: &mut F) -> bool)
     }
 }
@@ -149,7 +149,7 @@ pub(crate) type Accept<'a> = &'a dyn Fn(usize, usize, [f64; 2]) -> bool;
 pub(crate) struct First<'a> {
     pub accept: Accept<'a>,
     pub farthest: f64,
-    pub best: Option<Hit>,
+    pub best: Option<RayHit>,
 }
 
 impl Found for First<'_> {
@@ -161,7 +161,7 @@ impl Found for First<'_> {
             t < self.farthest && self.best.is_none_or(|b| t < b.t || (instance, triangle) < (b.instance, b.triangle));
         if first && (solid || (self.accept)(instance, triangle, barycentric)) {
             *limit = t;
-            self.best = Some(Hit { t, instance, triangle, barycentric });
+            self.best = Some(RayHit { t, instance, triangle, barycentric });
         }
         false
     }
@@ -180,7 +180,12 @@ impl Found for Any<'_> {
 }
 
 #[inline(always)]
-fn search<L: Lanes, const ANY: bool, F: Found>(forest: &Forest, ray: &Ray, mut limit: f64, found: &mut F) -> bool {
+fn search<L: Lanes, const ANY: bool, F: Found>(
+    forest: &InstanceForest,
+    ray: &Ray,
+    mut limit: f64,
+    found: &mut F,
+) -> bool {
     if forest.placed.len() == 1 {
         // A single instance needs no tree of instances.
         return enter::<L, ANY, F>(forest, 0, ray, 0.0, &mut limit, found);
@@ -192,7 +197,7 @@ fn search<L: Lanes, const ANY: bool, F: Found>(forest: &Forest, ray: &Ray, mut l
 /// Searches one instance.
 #[inline(always)]
 fn enter<L: Lanes, const ANY: bool, F: Found>(
-    forest: &Forest,
+    forest: &InstanceForest,
     k: usize,
     ray: &Ray,
     from: f64,
@@ -205,7 +210,7 @@ fn enter<L: Lanes, const ANY: bool, F: Found>(
 
 /// Tries the instance of a leaf.
 struct Instances<'a, F, const ANY: bool> {
-    forest: &'a Forest,
+    forest: &'a InstanceForest,
     ray: &'a Ray,
     found: &'a mut F,
 }

@@ -23,18 +23,18 @@
 #![warn(missing_docs)]
 
 mod arena;
-mod collapse;
 mod forest;
 mod frame;
 mod lanes;
-mod many;
 mod neighbours;
 mod ray;
+mod ray_batch;
 mod shape;
+mod traversal;
 mod triangle;
-mod walk;
+mod wide_tree;
 
-pub use forest::{Forest, Hit};
+pub use forest::{InstanceForest, RayHit};
 pub use lanes::fetch;
 pub use ray::Ray;
-pub use shape::Shape;
+pub use shape::TriangleTree;

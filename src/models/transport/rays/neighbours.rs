@@ -4,11 +4,11 @@
 //! for all. A box is visited by those rays alone that meet it, and each ray finds what it finds alone, bit by bit.
 
 use crate::rays::arena::{LEAF, NODE, Tree};
-use crate::rays::forest::{Accept, First, Forest, Hit};
+use crate::rays::forest::{Accept, First, InstanceForest, RayHit};
 use crate::rays::lanes::{Lanes, WIDTH, dispatch, prefetch};
 use crate::rays::ray::Ray;
-use crate::rays::shape::{Shape, Triangles, Tried};
-use crate::rays::walk::{FARTHEST, Local, Visit, Waiting, back, next};
+use crate::rays::shape::{TriangleTree, Triangles, Tried};
+use crate::rays::traversal::{FARTHEST, Local, Visit, Waiting, back, next};
 
 /// So many rays go together, one for each bit of a byte.
 const GROUP: usize = 8;
@@ -16,9 +16,9 @@ const GROUP: usize = 8;
 /// The rays of a group, as bits.
 type Who = u8;
 
-impl Forest {
+impl InstanceForest {
     /// What [`Forest::nearest`] gives, for each of many rays; faster where each ray is close to the next.
-    pub fn nearest_of_neighbours<A>(&self, rays: &[Ray], accept: A) -> Vec<Option<Hit>>
+    pub fn nearest_of_neighbours<A>(&self, rays: &[Ray], accept: A) -> Vec<Option<RayHit>>
     where
         A: Fn(usize, usize, [f64; 2]) -> bool,
     {
@@ -27,10 +27,10 @@ impl Forest {
         hits
     }
 
-    fn in_groups(&self, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<Hit>]) {
+    fn in_groups(&self, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
         let forest = self;
         dispatch!(self.instructions, [], [],
-            follow(forest: &Forest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<Hit>]) -> ());
+            follow(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) -> ());
     }
 }
 
@@ -88,7 +88,7 @@ trait VisitTogether<L> {
 }
 
 #[inline(always)]
-fn follow<L: Lanes>(forest: &Forest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<Hit>]) {
+fn follow<L: Lanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
     for (rays, hits) in rays.chunks(GROUP).zip(hits.chunks_mut(GROUP)) {
         let who = ((1u32 << rays.len()) - 1) as Who;
         // A group that is not full repeats its last ray, which no bit of `who` names.
@@ -114,7 +114,7 @@ fn follow<L: Lanes>(forest: &Forest, rays: &[Ray], accept: Accept<'_>, hits: &mu
 /// Searches one instance for the rays `who`.
 #[inline(always)]
 fn enter<L: Lanes>(
-    forest: &Forest,
+    forest: &InstanceForest,
     instance: usize,
     rays: &[Ray; GROUP],
     who: Who,
@@ -139,7 +139,7 @@ fn enter<L: Lanes>(
 
 /// Tries a leaf's triangles.
 struct Packets<'t, 'a> {
-    shape: &'t Shape,
+    shape: &'t TriangleTree,
     instance: usize,
     tried: &'t mut [Tried; GROUP],
     found: &'t mut [Found<'a>; GROUP],
@@ -164,7 +164,7 @@ impl<L: Lanes> VisitTogether<L> for Packets<'_, '_> {
 
 /// Tries the instance of a leaf.
 struct Instances<'t, 'a> {
-    forest: &'t Forest,
+    forest: &'t InstanceForest,
     rays: &'t [Ray; GROUP],
     found: &'t mut [Found<'a>; GROUP],
 }

@@ -5,25 +5,25 @@ use crate::rays::forest::Found;
 use crate::rays::frame::Bounds;
 use crate::rays::lanes::{Lanes, WIDTH, prefetch};
 use crate::rays::ray::Ray;
+use crate::rays::traversal::{Local, Visit, next, walk};
 use crate::rays::triangle::{Candidates, PACKET, SOLID, Sheared, Triangle, candidates, pack};
-use crate::rays::walk::{Local, Visit, next, walk};
 use glam::DVec3;
 
 /// A leaf's triangles in the leaf's own coordinates, with a tree of boxes.
 #[derive(Debug, Clone)]
-pub struct Shape {
+pub struct TriangleTree {
     pub(crate) triangles: Vec<Triangle>,
     pub(crate) tree: Tree,
 }
 
-impl Shape {
+impl TriangleTree {
     /// The triangles of a mesh, with three indices each, in a tree of boxes. A triangle with a coordinate that is not
     /// finite keeps its number, but is never hit.
     ///
     /// # Panics
     /// Where an index is not below the number of positions.
-    pub fn new(positions: &[DVec3], indices: &[u32]) -> Shape {
-        Shape::with_solid(positions, indices, |_| false)
+    pub fn new(positions: &[DVec3], indices: &[u32]) -> TriangleTree {
+        TriangleTree::with_solid(positions, indices, |_| false)
     }
 
     /// Like [`Shape::new`]. All points of a `solid` triangle count as hits, so that `accept` is not called for it,
@@ -31,7 +31,7 @@ impl Shape {
     ///
     /// # Panics
     /// As [`Shape::new`].
-    pub fn with_solid(positions: &[DVec3], indices: &[u32], solid: impl Fn(usize) -> bool) -> Shape {
+    pub fn with_solid(positions: &[DVec3], indices: &[u32], solid: impl Fn(usize) -> bool) -> TriangleTree {
         let corners = |t: &[u32]| [0, 1, 2].map(|k| positions[t[k] as usize]);
         let triangles: Vec<Triangle> = indices.chunks_exact(3).map(|t| corners(t).map(|p| p.to_array())).collect();
         let (mut numbers, mut boxes) = (Vec::with_capacity(triangles.len()), Vec::with_capacity(triangles.len()));
@@ -49,7 +49,7 @@ impl Shape {
             }
             pack(frame, &triangles, &ids[..things.len()], lines)
         });
-        Shape { triangles, tree }
+        TriangleTree { triangles, tree }
     }
 
     /// Number of triangles.
@@ -131,7 +131,14 @@ impl Tried {
 
     /// The f64 test of a triangle; true ends the search.
     #[inline(always)]
-    fn meet(&mut self, shape: &Shape, instance: usize, id: u32, limit: &mut f64, found: &mut impl Found) -> bool {
+    fn meet(
+        &mut self,
+        shape: &TriangleTree,
+        instance: usize,
+        id: u32,
+        limit: &mut f64,
+        found: &mut impl Found,
+    ) -> bool {
         let (triangle, solid) = (id & !SOLID, id & SOLID != 0);
         let sheared = self.sheared.get_or_insert_with(|| Sheared::new(&self.ray));
         let Some((t, b1, b2)) = sheared.meet(&shape.triangles[triangle as usize]) else { return false };
@@ -140,7 +147,7 @@ impl Tried {
 
     /// The f64 test of those that wait.
     #[inline(always)]
-    pub fn decide(&mut self, shape: &Shape, instance: usize, limit: &mut f64, found: &mut impl Found) -> bool {
+    pub fn decide(&mut self, shape: &TriangleTree, instance: usize, limit: &mut f64, found: &mut impl Found) -> bool {
         let waiting = std::mem::take(&mut self.waiting);
         for k in 0..waiting {
             if self.meet(shape, instance, self.later[k], limit, found) {
@@ -153,7 +160,7 @@ impl Tried {
 
 /// Tries a leaf's triangles.
 pub(crate) struct Triangles<'a, F, const ANY: bool> {
-    pub shape: &'a Shape,
+    pub shape: &'a TriangleTree,
     pub instance: usize,
     pub tried: &'a mut Tried,
     pub found: &'a mut F,

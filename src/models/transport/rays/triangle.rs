@@ -5,7 +5,7 @@ use crate::rays::arena::{EMPTY, Line, Row};
 use crate::rays::frame::Frame;
 use crate::rays::lanes::{Lanes, WIDTH};
 use crate::rays::ray::Ray;
-use crate::rays::walk::Local;
+use crate::rays::traversal::Local;
 use glam::DVec3;
 
 /// The three corners of a triangle.

@@ -5,14 +5,14 @@
 //! (Wang et al. 2005, §4, Table 1: about one for fifteen). A piece is connected by edges. Two leaves that merely touch
 //! are two pieces, and no light is interpolated from one to the other.
 
-use crate::lookup::Taps;
+use crate::lookup::TexelTaps;
 use crate::world::ReferenceLeaf;
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 
 /// A point of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spot {
+pub struct MeshPoint {
     /// The triangle on which it lies.
     pub triangle: usize,
     /// Weights of the triangle's second and third corner.
@@ -25,7 +25,7 @@ pub struct Spot {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchor {
     /// The points. On a grid, the first one is the anchor itself. Without points, no light arrives.
-    pub points: Vec<Spot>,
+    pub points: Vec<MeshPoint>,
 }
 
 /// Number of points in a neighbourhood, and its standard deviation over the distance between two anchors.
@@ -34,7 +34,7 @@ const SPREAD: f64 = 0.35;
 
 /// The anchors of a mesh, and the places of its vertices among them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Anchors {
+pub struct MeshAnchors {
     /// Number of anchors along a piece and across it.
     pub grid: [usize; 2],
     /// The anchors, one piece's grid after the other, row by row. The place along the piece varies fastest.
@@ -43,13 +43,13 @@ pub struct Anchors {
     pub places: Vec<[f32; 3]>,
 }
 
-impl Anchors {
+impl MeshAnchors {
     /// A grid over every piece of a leaf. An anchor that would be beside the leaf, or where its mask cuts the leaf
     /// away, is moved to the nearest place on it.
-    pub fn on_leaf(leaf: &ReferenceLeaf, grid: [usize; 2]) -> Anchors {
+    pub fn on_leaf(leaf: &ReferenceLeaf, grid: [usize; 2]) -> MeshAnchors {
         let grid = grid.map(|n| n.max(1));
         let pieces = pieces(leaf);
-        let mut out = Anchors { grid, points: Vec::new(), places: vec![[0.0; 3]; leaf.mesh.positions.len()] };
+        let mut out = MeshAnchors { grid, points: Vec::new(), places: vec![[0.0; 3]; leaf.mesh.positions.len()] };
         for triangles in &pieces {
             out.add(leaf, triangles);
         }
@@ -59,13 +59,13 @@ impl Anchors {
     /// An anchor at every vertex, for surfaces over which no plane can be laid, such as wood. It represents the mean
     /// over the middles of the triangles around the vertex. The vertex itself may lie inside other wood, as at the foot
     /// of a branch.
-    pub fn at_vertices(leaf: &ReferenceLeaf) -> Anchors {
+    pub fn at_vertices(leaf: &ReferenceLeaf) -> MeshAnchors {
         let mesh = &leaf.mesh;
         let mut around = vec![Vec::new(); mesh.positions.len()];
         for (k, vertex) in mesh.indices.iter().enumerate() {
-            around[*vertex as usize].push(Spot { triangle: k / 3, barycentric: [1.0 / 3.0; 2] });
+            around[*vertex as usize].push(MeshPoint { triangle: k / 3, barycentric: [1.0 / 3.0; 2] });
         }
-        Anchors {
+        MeshAnchors {
             grid: [1, 1],
             places: (0..around.len()).map(|k| [k as f32, 0.0, 0.0]).collect(),
             // A vertex without triangles is never drawn.
@@ -91,14 +91,14 @@ impl Anchors {
 
     /// The places of the vertices among the anchors of a level ([`level`]). These anchors have no neighbourhoods of
     /// their own.
-    pub fn at_level(&self, to: usize) -> Anchors {
+    pub fn at_level(&self, to: usize) -> MeshAnchors {
         let (fine, grid) = (self.grid, level(self.grid, to));
         let place = |p: &[f32; 3]| {
             let piece = p[0] as usize / (fine[0] * fine[1]);
             let [x, y] = [0, 1].map(|k| p[k + 1] * (grid[k] - 1) as f32 / (fine[k].max(2) - 1) as f32);
             [(piece * grid[0] * grid[1]) as f32, x, y]
         };
-        Anchors { grid, points: Vec::new(), places: self.places.iter().map(place).collect() }
+        MeshAnchors { grid, points: Vec::new(), places: self.places.iter().map(place).collect() }
     }
 
     /// Adds the grid over one piece.
@@ -114,7 +114,7 @@ impl Anchors {
         let spare = spare(leaf, triangles);
         let hit = |at: DVec2| {
             triangles.iter().zip(&flat).find_map(|(t, corner)| {
-                let found = Spot { triangle: *t, barycentric: inside(corner, at)? };
+                let found = MeshPoint { triangle: *t, barycentric: inside(corner, at)? };
                 on_leaf(leaf, &found).then_some(found)
             })
         };
@@ -124,10 +124,10 @@ impl Anchors {
             for i in 0..along {
                 let at = DVec2::new(node(i, along, plane.reach[0]), node(j, across, plane.reach[1]));
                 let near = || {
-                    let distance = |a: &Spot| plane.of(position(leaf, a)).distance_squared(at);
+                    let distance = |a: &MeshPoint| plane.of(position(leaf, a)).distance_squared(at);
                     spare.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
                 };
-                let fallback = Spot { triangle: triangles[0], barycentric: [1.0 / 3.0; 2] };
+                let fallback = MeshPoint { triangle: triangles[0], barycentric: [1.0 / 3.0; 2] };
                 let own = hit(at).or_else(near).unwrap_or(fallback);
                 let around = (1..POINTS).filter_map(|k| hit(at + apart * gaussian(k)));
                 self.points.push(Anchor { points: std::iter::once(own).chain(around).collect() });
@@ -279,11 +279,11 @@ fn pieces(leaf: &ReferenceLeaf) -> Vec<Vec<usize>> {
 
 /// Places on the leaf that replace a node of the grid that is not on it: for each triangle, near its corners and in its
 /// middle.
-fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<Spot> {
+fn spare(leaf: &ReferenceLeaf, triangles: &[usize]) -> Vec<MeshPoint> {
     const PLACES: [[f64; 2]; 4] = [[1.0 / 3.0; 2], [0.02, 0.02], [0.96, 0.02], [0.02, 0.96]];
     triangles
         .iter()
-        .flat_map(|t| PLACES.map(|barycentric| Spot { triangle: *t, barycentric }))
+        .flat_map(|t| PLACES.map(|barycentric| MeshPoint { triangle: *t, barycentric }))
         .filter(|a| on_leaf(leaf, a))
         .collect()
 }
@@ -298,12 +298,12 @@ fn gaussian(k: usize) -> DVec2 {
     DVec2::new(cos, sin) * (SPREAD * (-2.0 * (1.0 - u).ln()).sqrt())
 }
 
-fn on_leaf(leaf: &ReferenceLeaf, anchor: &Spot) -> bool {
+fn on_leaf(leaf: &ReferenceLeaf, anchor: &MeshPoint) -> bool {
     let Some(mask) = &leaf.mask else { return true };
     let [b, c] = anchor.barycentric;
     let uv = vertices(leaf, anchor.triangle).map(|k| leaf.mesh.uvs[k]);
     let at = uv[0] * (1.0 - b - c) + uv[1] * b + uv[2] * c;
-    Taps::new(at.x, at.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
+    TexelTaps::new(at.x, at.y, leaf.width, leaf.height, false).coverage(mask) >= 0.5
 }
 
 /// Barycentric coordinates of a point in a triangle, including its rim. `None` outside it, and for a triangle without
@@ -326,13 +326,13 @@ fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [DVec3; 3] {
 }
 
 /// The place of an anchor in the mesh's own frame.
-pub(super) fn position(leaf: &ReferenceLeaf, anchor: &Spot) -> DVec3 {
+pub(super) fn position(leaf: &ReferenceLeaf, anchor: &MeshPoint) -> DVec3 {
     let [a, b, c] = corners(leaf, anchor.triangle);
     a + (b - a) * anchor.barycentric[0] + (c - a) * anchor.barycentric[1]
 }
 
 /// The normal of an anchor's triangle, out of its front, in the mesh's own frame; zero for a triangle without area.
-pub(super) fn normal(leaf: &ReferenceLeaf, anchor: &Spot) -> DVec3 {
+pub(super) fn normal(leaf: &ReferenceLeaf, anchor: &MeshPoint) -> DVec3 {
     let [a, b, c] = corners(leaf, anchor.triangle);
     (b - a).cross(c - a).normalize_or_zero()
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::made_up::{leaf, square};
+use crate::test_worlds::{leaf, square};
 
 fn sheet(size: f64) -> ReferenceLeaf {
     leaf(square(0.5 * size), [0.3, 0.3], 0.2, None)
@@ -31,7 +31,7 @@ fn a_chain_keeps_what_is_even() {
 #[test]
 fn a_grid_covers_its_piece() {
     let leaf = sheet(10.0);
-    let found = Anchors::on_leaf(&leaf, [3, 3]);
+    let found = MeshAnchors::on_leaf(&leaf, [3, 3]);
     assert_eq!(found.points.len(), 9);
     let middle = position(&leaf, &found.points[4].points[0]);
     assert!(middle.length() < 1e-6, "{middle}");
@@ -62,7 +62,7 @@ fn leaves_that_touch_are_not_joined() {
     split.mesh.positions = leaf.mesh.indices.iter().map(|i| leaf.mesh.positions[*i as usize]).collect();
     split.mesh.indices = (0..leaf.mesh.indices.len() as u32).collect();
     assert_eq!(pieces(&split).len(), 2);
-    assert_eq!(Anchors::on_leaf(&leaf, [2, 1]).points.len(), 4);
+    assert_eq!(MeshAnchors::on_leaf(&leaf, [2, 1]).points.len(), 4);
 }
 
 /// Anchors stand where the mask leaves the leaf, also where it cuts the grid's node away.
@@ -72,11 +72,11 @@ fn anchors_stand_on_the_leaf() {
     (leaf.width, leaf.height) = (8, 8);
     // Only the left half is a leaf.
     leaf.mask = Some((0..64).map(|k| u8::from(k % 8 < 4)).collect());
-    for anchor in &Anchors::on_leaf(&leaf, [4, 4]).points {
+    for anchor in &MeshAnchors::on_leaf(&leaf, [4, 4]).points {
         assert!(anchor.points.iter().all(|p| on_leaf(&leaf, p)), "{anchor:?}");
     }
     // A neighbourhood in the middle of a leaf is complete, and its mean is the anchor.
-    let whole = &Anchors::on_leaf(&sheet(10.0), [5, 5]).points[12];
+    let whole = &MeshAnchors::on_leaf(&sheet(10.0), [5, 5]).points[12];
     let mean = whole.points.iter().map(|p| position(&leaf, p)).sum::<DVec3>() / whole.points.len() as f64;
     assert!(whole.points.len() == POINTS && mean.length() < 0.15, "{mean}");
 }

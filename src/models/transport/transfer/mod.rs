@@ -11,5 +11,7 @@ pub mod operator;
 #[cfg(test)]
 mod tests;
 
-pub use anchors::{Anchor, Anchors, Spot};
-pub use operator::{Columns, Found, Method, Receiver, Request, Rows, measure};
+pub use anchors::{Anchor, MeshAnchors, MeshPoint};
+pub use operator::{
+    InstanceTransfer, TransferColumns, TransferMethod, TransferReceiver, TransferRequest, TransferRows, measure,
+};

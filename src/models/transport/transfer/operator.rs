@@ -20,38 +20,38 @@
 
 use super::anchors::{Anchor, normal, position};
 use super::occlusion::Hidden;
-use crate::path::{Samples, Tracer};
+use crate::path::{PathSampler, PathTracer};
 use crate::seeds::{mix, scramble};
 use crate::stage::{SideBy, rotation};
-use crate::world::World;
+use crate::world::ReferenceWorld;
 use glam::DVec3;
-use mesophyll_sky::harmonics::Basis;
+use mesophyll_sky::harmonics::HarmonicBasis;
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 
 /// The functions that a light is a sum of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Columns {
+pub enum TransferColumns {
     /// Harmonics of this many bands, for a light that moves.
     Harmonics(usize),
     /// The scene's own light, without the sun's disk.
     Light,
 }
 
-impl Columns {
+impl TransferColumns {
     /// Number of columns.
     pub fn count(self) -> usize {
         match self {
-            Columns::Harmonics(bands) => bands * bands,
-            Columns::Light => 1,
+            TransferColumns::Harmonics(bands) => bands * bands,
+            TransferColumns::Light => 1,
         }
     }
 }
 
 /// The rows that a surface needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rows {
+pub enum TransferRows {
     /// The front's irradiance as one number: wood and ground.
     Front,
     /// The irradiance vectors of both sides: a matte leaf.
@@ -60,32 +60,32 @@ pub enum Rows {
     Glossy(usize),
 }
 
-impl Rows {
+impl TransferRows {
     /// Number of rows.
     pub fn count(self) -> usize {
         match self {
-            Rows::Front => 1,
-            Rows::Both => 6,
-            Rows::Glossy(bands) => 6 + bands * bands,
+            TransferRows::Front => 1,
+            TransferRows::Both => 6,
+            TransferRows::Glossy(bands) => 6 + bands * bands,
         }
     }
 }
 
 /// An instance of the world for which the arriving light is computed.
 #[derive(Debug, Clone, Copy)]
-pub struct Receiver<'a> {
+pub struct TransferReceiver<'a> {
     /// Index of the instance in the world.
     pub instance: usize,
     /// Anchors of its mesh.
     pub anchors: &'a [Anchor],
     /// The rows of each anchor.
-    pub rows: Rows,
+    pub rows: TransferRows,
 }
 
 /// How light between surfaces is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Method {
+pub enum TransferMethod {
     /// By paths that are followed through all scatterings.
     #[default]
     Paths,
@@ -95,11 +95,11 @@ pub enum Method {
 
 /// The settings of the computation.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Request {
+pub struct TransferRequest {
     /// How light between surfaces is found.
-    pub method: Method,
+    pub method: TransferMethod,
     /// The functions that the light is a sum of.
-    pub columns: Columns,
+    pub columns: TransferColumns,
     /// Paths from each anchor, in all directions; at least [`ROUNDS`].
     pub paths: u32,
     /// Seed of the random numbers.
@@ -111,7 +111,7 @@ pub const ROUNDS: u32 = 8;
 
 /// The result for one instance.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct InstanceTransfer {
     /// The entries anchor by anchor, row by row, column by column: red, green and blue of the light by way of other
     /// surfaces, and the share that comes straight from the sky. For [`Columns::Light`] the first three contain all
     /// light.
@@ -123,7 +123,7 @@ pub struct Found {
 
 /// Computes the light that arrives at one instance. Threads share the anchors. It may end early when a stop is
 /// requested, which the caller must check.
-pub fn measure(tracer: &Tracer, receiver: &Receiver, request: &Request) -> Found {
+pub fn measure(tracer: &PathTracer, receiver: &TransferReceiver, request: &TransferRequest) -> InstanceTransfer {
     let world = tracer.world();
     let (rows, columns) = (receiver.rows.count(), request.columns.count());
     let each: Vec<(Vec<[f32; 4]>, f32)> = receiver
@@ -138,7 +138,10 @@ pub fn measure(tracer: &Tracer, receiver: &Receiver, request: &Request) -> Found
             At::new(world, receiver, anchor).measure(tracer, request, seed)
         })
         .collect();
-    Found { entries: each.iter().flat_map(|e| &e.0).copied().collect(), errors: each.iter().map(|e| e.1).collect() }
+    InstanceTransfer {
+        entries: each.iter().flat_map(|e| &e.0).copied().collect(),
+        errors: each.iter().map(|e| e.1).collect(),
+    }
 }
 
 /// An anchor at its place in the world.
@@ -147,11 +150,11 @@ struct At {
     points: Vec<(DVec3, DVec3)>,
     /// Their mean normal.
     normal: DVec3,
-    rows: Rows,
+    rows: TransferRows,
 }
 
 impl At {
-    fn new(world: &World, receiver: &Receiver, anchor: &Anchor) -> At {
+    fn new(world: &ReferenceWorld, receiver: &TransferReceiver, anchor: &Anchor) -> At {
         let placed = &world.instances[receiver.instance];
         let leaf = &world.leaves[placed.leaf];
         let turn = rotation(placed);
@@ -165,16 +168,16 @@ impl At {
         At { points, normal, rows: receiver.rows }
     }
 
-    fn measure(&self, tracer: &Tracer, request: &Request, seed: u64) -> (Vec<[f32; 4]>, f32) {
+    fn measure(&self, tracer: &PathTracer, request: &TransferRequest, seed: u64) -> (Vec<[f32; 4]>, f32) {
         let (rows, columns) = (self.rows.count(), request.columns.count());
-        let basis = Basis::new(match (request.columns, self.rows) {
-            (Columns::Harmonics(bands), Rows::Glossy(more)) => bands.max(more),
-            (Columns::Harmonics(bands), _) | (Columns::Light, Rows::Glossy(bands)) => bands,
+        let basis = HarmonicBasis::new(match (request.columns, self.rows) {
+            (TransferColumns::Harmonics(bands), TransferRows::Glossy(more)) => bands.max(more),
+            (TransferColumns::Harmonics(bands), _) | (TransferColumns::Light, TransferRows::Glossy(bands)) => bands,
             _ => 1,
         });
         let each = request.paths.div_ceil(ROUNDS).max(1);
         // Paths go into the whole sphere, or into the front's half of it.
-        let sphere = if self.rows == Rows::Front { TAU } else { 2.0 * TAU };
+        let sphere = if self.rows == TransferRows::Front { TAU } else { 2.0 * TAU };
         let weight = sphere / f64::from(each) / f64::from(ROUNDS);
         let mut sum = vec![[0f32; 4]; rows * columns];
         let mut round = sum.clone();
@@ -186,7 +189,7 @@ impl At {
             round.fill([0.0; 4]);
             let mut hidden = Hidden::none(rows);
             for k in 0..each {
-                let mut samples = Samples::new(scramble(seed, q as u64), k);
+                let mut samples = PathSampler::new(scramble(seed, q as u64), k);
                 let drawn = samples.next();
                 let Some(&(point, normal)) = self.points.get((drawn[2] * self.points.len() as f64) as usize) else {
                     continue;
@@ -195,10 +198,10 @@ impl At {
                 let out = tracer.stage.leave(point, normal, ray);
                 self.values(ray, normal, weight, &basis, &mut values);
                 let arrived = match request.method {
-                    Method::Paths => {
+                    TransferMethod::Paths => {
                         arrives(tracer, out, request.columns, &basis, &mut harmonics, &mut arriving, &mut samples)
                     }
-                    Method::AmbientOcclusion => {
+                    TransferMethod::AmbientOcclusion => {
                         self.meet_sun(tracer, point, normal, f64::from(each * ROUNDS), &mut hidden);
                         match tracer.stage.nearest(&out) {
                             Some(met) => {
@@ -224,7 +227,7 @@ impl At {
                     }
                 }
             }
-            if request.method == Method::AmbientOcclusion {
+            if request.method == TransferMethod::AmbientOcclusion {
                 hidden.close(&mut round, columns, 1.0 / f64::from(ROUNDS), |row| self.irradiance(row));
             }
             *level = self.level(&round, request.columns);
@@ -239,15 +242,15 @@ impl At {
     }
 
     /// Writes what light along `ray` adds to each row, times a weight.
-    fn values(&self, ray: DVec3, normal: DVec3, weight: f64, basis: &Basis, out: &mut [f64]) {
-        if self.rows == Rows::Front {
+    fn values(&self, ray: DVec3, normal: DVec3, weight: f64, basis: &HarmonicBasis, out: &mut [f64]) {
+        if self.rows == TransferRows::Front {
             out[0] = weight * ray.dot(normal).max(0.0);
             return;
         }
         let first = if ray.dot(normal) < 0.0 { 3 } else { 0 };
         out[..6].fill(0.0);
         (0..3).for_each(|c| out[first + c] = weight * ray[c]);
-        if let Rows::Glossy(bands) = self.rows {
+        if let TransferRows::Glossy(bands) = self.rows {
             let mut all = [0.0; 49];
             basis.fill(ray.to_array(), &mut all[..basis.bands().pow(2)]);
             (0..bands * bands).for_each(|c| out[6 + c] = weight * all[c]);
@@ -258,14 +261,14 @@ impl At {
     /// gets.
     fn irradiance(&self, row: &dyn Fn(usize) -> f64) -> [f64; 2] {
         match self.rows {
-            Rows::Front => [row(0); 2],
+            TransferRows::Front => [row(0); 2],
             _ => [(0, 1.0), (3, -1.0)]
                 .map(|(first, sign)| sign * (0..3).map(|c| row(first + c) * self.normal[c]).sum::<f64>()),
         }
     }
 
     /// Adds the sun's light at a point of the neighbourhood, of which there are `count`.
-    fn meet_sun(&self, tracer: &Tracer, point: DVec3, normal: DVec3, count: f64, hidden: &mut Hidden) {
+    fn meet_sun(&self, tracer: &PathTracer, point: DVec3, normal: DVec3, count: f64, hidden: &mut Hidden) {
         let Some(sun) = &tracer.world().sun else { return };
         let l = sun.direction.normalize_or_zero();
         let cosine = l.dot(normal);
@@ -274,15 +277,15 @@ impl At {
         }
         let irradiance = sun.irradiance.map(|e| e * cosine.abs() / count);
         match self.rows {
-            Rows::Front if cosine < 0.0 => {}
-            Rows::Front => [false, true].into_iter().for_each(|back| hidden.add_sun(back, irradiance)),
+            TransferRows::Front if cosine < 0.0 => {}
+            TransferRows::Front => [false, true].into_iter().for_each(|back| hidden.add_sun(back, irradiance)),
             _ => hidden.add_sun(cosine < 0.0, irradiance),
         }
     }
 
     /// A direction of the sphere, or of the front's half of it, with uniform density.
     fn direction(&self, normal: DVec3, [u, v, ..]: [f64; 4]) -> DVec3 {
-        let z = if self.rows == Rows::Front { u } else { 1.0 - 2.0 * u };
+        let z = if self.rows == TransferRows::Front { u } else { 1.0 - 2.0 * u };
         let (a, b) = normal.any_orthonormal_pair();
         let (sin, cos) = (TAU * v).sin_cos();
         let r = (1.0 - z * z).max(0.0).sqrt();
@@ -290,15 +293,15 @@ impl At {
     }
 
     /// The irradiance of both sides together, under an even light of radiance 1/π, or under the scene's own light.
-    fn level(&self, entries: &[[f32; 4]], columns: Columns) -> f64 {
+    fn level(&self, entries: &[[f32; 4]], columns: TransferColumns) -> f64 {
         // The first harmonic is √(1/4π) everywhere, so light of radiance 1 has the coefficient √(4π).
-        let even = if columns == Columns::Light { 1.0 } else { (4.0 * PI).sqrt() / PI };
+        let even = if columns == TransferColumns::Light { 1.0 } else { (4.0 * PI).sqrt() / PI };
         let light = |row: usize| {
             let e = entries[row * columns.count()];
             f64::from(e[0] + e[1] + e[2]) / 3.0 + f64::from(e[3])
         };
         let sum = match self.rows {
-            Rows::Front => light(0),
+            TransferRows::Front => light(0),
             _ => (0..3).map(|c| (light(c) - light(3 + c)) * self.normal[c]).sum::<f64>(),
         };
         sum * even
@@ -307,19 +310,19 @@ impl At {
 
 /// Writes the light that comes straight from `direction` into `out`, for each column.
 fn straight(
-    tracer: &Tracer,
+    tracer: &PathTracer,
     direction: DVec3,
-    columns: Columns,
-    basis: &Basis,
+    columns: TransferColumns,
+    basis: &HarmonicBasis,
     harmonics: &mut [f64],
     out: &mut [[f32; 4]],
 ) {
     match columns {
-        Columns::Light => {
+        TransferColumns::Light => {
             let [r, g, b] = tracer.sky(direction).map(|v| v as f32);
             out[0] = [r, g, b, 0.0];
         }
-        Columns::Harmonics(_) => {
+        TransferColumns::Harmonics(_) => {
             basis.fill(direction.to_array(), harmonics);
             out.iter_mut().zip(harmonics.iter()).for_each(|(to, y)| *to = [0.0, 0.0, 0.0, *y as f32]);
         }
@@ -328,21 +331,21 @@ fn straight(
 
 /// Writes the light that arrives along a ray into `out`, a colour for each column. Returns false where none arrives.
 fn arrives(
-    tracer: &Tracer,
+    tracer: &PathTracer,
     ray: crate::accelerate::Ray,
-    columns: Columns,
-    basis: &Basis,
+    columns: TransferColumns,
+    basis: &HarmonicBasis,
     harmonics: &mut [f64],
     out: &mut [[f32; 4]],
-    samples: &mut Samples,
+    samples: &mut PathSampler,
 ) -> bool {
     match columns {
-        Columns::Light => {
+        TransferColumns::Light => {
             let [r, g, b] = tracer.arriving(ray, samples).map(|v| v as f32);
             out[0] = [r, g, b, 0.0];
             true
         }
-        Columns::Harmonics(_) => {
+        TransferColumns::Harmonics(_) => {
             let Some(way) = tracer.escape(ray, samples) else { return false };
             basis.fill(way.direction.to_array(), harmonics);
             let [r, g, b] = way.carried.map(|v| v as f32);

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 
 /// Directions towards a light. Each has a map.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Directions {
+pub struct ShadowDirections {
     kind: Kind,
     list: Vec<DVec3>,
 }
@@ -21,18 +21,18 @@ enum Kind {
 }
 
 /// The maps around a direction, with their shares, which sum to 1.
-pub type Blend = Vec<(usize, f64)>;
+pub type MapBlend = Vec<(usize, f64)>;
 
 /// Largest side of a cube map.
 const MOST_SIDE: usize = 256;
 
-impl Directions {
+impl ShadowDirections {
     /// The direction of a light that does not move.
     ///
     /// # Errors
     /// [`Error::Usage`] for a direction that is not finite or has no length.
-    pub fn one(direction: DVec3) -> Result<Directions> {
-        Directions::arc(&[direction])
+    pub fn one(direction: DVec3) -> Result<ShadowDirections> {
+        ShadowDirections::arc(&[direction])
     }
 
     /// A light that moves from one direction to the next, such as the sun during a day. The closer the directions are,
@@ -40,11 +40,11 @@ impl Directions {
     ///
     /// # Errors
     /// [`Error::Usage`] for an empty path, or a direction that is not finite or has no length.
-    pub fn arc(path: &[DVec3]) -> Result<Directions> {
+    pub fn arc(path: &[DVec3]) -> Result<ShadowDirections> {
         if path.is_empty() || path.iter().any(|d| !d.is_finite() || d.try_normalize().is_none()) {
             return Err(Error::Usage("visibility: expected directions that are finite and not zero".into()));
         }
-        Ok(Directions { kind: Kind::Arc, list: path.iter().map(|d| d.normalize()).collect() })
+        Ok(ShadowDirections { kind: Kind::Arc, list: path.iter().map(|d| d.normalize()).collect() })
     }
 
     /// The centres of the `side` · `side` · 6 texels of a cube map (the source has a side of 32) whose sine of
@@ -53,7 +53,7 @@ impl Directions {
     ///
     /// # Errors
     /// [`Error::Usage`] for a side of 0 or above 256, or where no texel is kept.
-    pub fn cube(side: usize, lowest: f64) -> Result<Directions> {
+    pub fn cube(side: usize, lowest: f64) -> Result<ShadowDirections> {
         if !(1..=MOST_SIDE).contains(&side) {
             return Err(Error::Usage(format!("visibility: a cube of side {side}, expected 1 to {MOST_SIDE}")));
         }
@@ -70,7 +70,7 @@ impl Directions {
         if list.is_empty() {
             return Err(Error::Usage(format!("visibility: no direction has a sine of elevation of {lowest}")));
         }
-        Ok(Directions { kind: Kind::Cube { side, lowest, slot }, list })
+        Ok(ShadowDirections { kind: Kind::Cube { side, lowest, slot }, list })
     }
 
     /// Number of directions.
@@ -93,13 +93,13 @@ impl Directions {
     ///
     /// On a path, the light is moved to the nearest point of the path. On a cube map, the texels' centres divide the
     /// sphere into triangles, and the shares belong to the corners of the triangle around the light.
-    pub fn blend(&self, light: DVec3) -> Blend {
+    pub fn blend(&self, light: DVec3) -> MapBlend {
         let light = light.normalize_or(DVec3::Z);
         match &self.kind {
             Kind::Arc => along(&self.list, light),
             Kind::Cube { side, slot, .. } => {
                 let around = around(*side, light);
-                let mut parts: Blend =
+                let mut parts: MapBlend =
                     around.into_iter().filter_map(|(cell, share)| Some((slot[cell]? as usize, share))).collect();
                 let all: f64 = parts.iter().map(|(_, share)| share).sum();
                 parts.retain(|(_, share)| *share > 0.0);
@@ -126,7 +126,7 @@ impl Directions {
     }
 
     /// Reads the bytes of [`Directions::write`] from the beginning of `bytes`, and removes them.
-    pub(super) fn read(bytes: &mut &[u8]) -> std::result::Result<Directions, String> {
+    pub(super) fn read(bytes: &mut &[u8]) -> std::result::Result<ShadowDirections, String> {
         let [kind] = take(bytes)?;
         let count = u32::from_le_bytes(take(bytes)?) as usize;
         let read = match kind {
@@ -136,9 +136,9 @@ impl Directions {
                 let list = (0..count).map(|_| Ok(DVec3::new(number()?, number()?, number()?)));
                 let list = list.collect::<std::result::Result<Vec<_>, String>>()?;
                 // The stored vectors are used unchanged, because normalising them again might change a bit.
-                Directions::arc(&list).map(|arc| Directions { list, ..arc })
+                ShadowDirections::arc(&list).map(|arc| ShadowDirections { list, ..arc })
             }
-            1 => Directions::cube(count, f64::from_le_bytes(take(bytes)?)),
+            1 => ShadowDirections::cube(count, f64::from_le_bytes(take(bytes)?)),
             _ => return Err(format!("directions of kind {kind}, expected 0 or 1")),
         };
         read.map_err(|e| e.to_string())
@@ -146,7 +146,7 @@ impl Directions {
 }
 
 /// The two directions of a path that a light is between, or the nearer end.
-fn along(path: &[DVec3], light: DVec3) -> Blend {
+fn along(path: &[DVec3], light: DVec3) -> MapBlend {
     // A path may cross itself or return along itself. So a direction that the path contains is found first, before any
     // pair.
     if let Some(k) = path.iter().position(|d| d.dot(light) > 1.0 - 1e-12) {
@@ -254,7 +254,7 @@ mod tests {
         (0..count).map(move |k| DVec3::new(number(3 * k), number(3 * k + 1), number(3 * k + 2)).normalize_or(DVec3::X))
     }
 
-    fn share(blend: &Blend, k: usize) -> f64 {
+    fn share(blend: &MapBlend, k: usize) -> f64 {
         blend.iter().find(|(n, _)| *n == k).map_or(0.0, |(_, share)| *share)
     }
 
@@ -263,7 +263,7 @@ mod tests {
     #[test]
     fn shares_are_those_of_the_nearest_around() {
         for side in [1, 2, 5, 32] {
-            let cube = Directions::cube(side, -1.0).unwrap();
+            let cube = ShadowDirections::cube(side, -1.0).unwrap();
             assert_eq!(cube.len(), 6 * side * side);
             for (k, d) in cube.list().iter().enumerate() {
                 assert!((share(&cube.blend(*d), k) - 1.0).abs() < 1e-9, "{side}: {k}");
@@ -283,7 +283,7 @@ mod tests {
     fn shares_change_continuously() {
         let step = 1e-6;
         for side in [1, 4, 32] {
-            let cube = Directions::cube(side, -1.0).unwrap();
+            let cube = ShadowDirections::cube(side, -1.0).unwrap();
             let corners = [[1.0, 1.0, 1.0], [1.0, 1.0, 0.3], [-1.0, 0.2, 1.0]].map(DVec3::from);
             let near = corners.into_iter().flat_map(|c| random(500).map(move |r| c + r * 0.02));
             for (d, r) in random(2000).chain(near).zip(random(5000).skip(7)) {
@@ -298,8 +298,8 @@ mod tests {
     #[test]
     fn a_path_is_followed_and_its_ends_hold() {
         let at = |deg: f64| DVec3::new(deg.to_radians().cos(), 0.0, deg.to_radians().sin());
-        let arc = Directions::arc(&[at(10.0), at(20.0), at(50.0)]).unwrap();
-        let close = |a: Blend, b: &[(usize, f64)]| {
+        let arc = ShadowDirections::arc(&[at(10.0), at(20.0), at(50.0)]).unwrap();
+        let close = |a: MapBlend, b: &[(usize, f64)]| {
             assert_eq!(a.len(), b.len());
             assert!(a.iter().zip(b).all(|(x, y)| x.0 == y.0 && (x.1 - y.1).abs() < 1e-12), "{a:?}");
         };
@@ -309,9 +309,9 @@ mod tests {
         close(arc.blend(at(35.0) + DVec3::Y * 0.1), &[(1, 0.5), (2, 0.5)]);
         close(arc.blend(at(-70.0)), &[(0, 1.0)]);
         close(arc.blend(at(77.0)), &[(2, 1.0)]);
-        close(Directions::one(at(3.0)).unwrap().blend(DVec3::Z), &[(0, 1.0)]);
-        assert!(Directions::arc(&[]).is_err() && Directions::one(DVec3::ZERO).is_err());
-        assert!(Directions::one(DVec3::NAN).is_err());
+        close(ShadowDirections::one(at(3.0)).unwrap().blend(DVec3::Z), &[(0, 1.0)]);
+        assert!(ShadowDirections::arc(&[]).is_err() && ShadowDirections::one(DVec3::ZERO).is_err());
+        assert!(ShadowDirections::one(DVec3::NAN).is_err());
     }
 
     /// A sun above the horizon has all maps around it if those down to one texel below the horizon are kept.
@@ -319,15 +319,16 @@ mod tests {
     fn what_lies_below_may_be_left_out() {
         let side = 16;
         let (whole, upper) =
-            (Directions::cube(side, -1.0).unwrap(), Directions::cube(side, -2.2 / side as f64).unwrap());
+            (ShadowDirections::cube(side, -1.0).unwrap(), ShadowDirections::cube(side, -2.2 / side as f64).unwrap());
         assert!(upper.len() < whole.len() * 3 / 5);
         for d in random(2000).map(|d| DVec3::new(d.x, d.y, d.z.abs())) {
-            let put = |of: &Directions, blend: Blend| blend.iter().map(|(k, s)| of.list()[*k] * *s).sum::<DVec3>();
+            let put =
+                |of: &ShadowDirections, blend: MapBlend| blend.iter().map(|(k, s)| of.list()[*k] * *s).sum::<DVec3>();
             assert!(put(&whole, whole.blend(d)).distance(put(&upper, upper.blend(d))) < 1e-12);
         }
         assert!(upper.blend(DVec3::NEG_Z).is_empty());
-        assert!(Directions::cube(side, 1.1).is_err() && Directions::cube(0, -1.0).is_err());
-        assert!(Directions::cube(257, -1.0).is_err());
+        assert!(ShadowDirections::cube(side, 1.1).is_err() && ShadowDirections::cube(0, -1.0).is_err());
+        assert!(ShadowDirections::cube(257, -1.0).is_err());
     }
 
     /// A day at the equinox follows a great circle, on which the scene's own sun also stands. Each direction of the
@@ -339,7 +340,7 @@ mod tests {
             DVec3::new(angle.sin(), 0.74 * angle.cos(), 0.67 * angle.cos()).normalize()
         };
         let hours = [12.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0];
-        let arc = Directions::arc(&hours.map(at)).unwrap();
+        let arc = ShadowDirections::arc(&hours.map(at)).unwrap();
         for hour in hours {
             let first = hours.iter().position(|h| *h == hour).unwrap();
             assert_eq!(arc.blend(at(hour)), vec![(first, 1.0)], "{hour}");

@@ -1,33 +1,37 @@
 //! Visibility maps: the share of a light that every receiver sees, for one direction of its centre.
 
-use super::cast::Casters;
+use super::casters::Casters;
 use super::light::{AreaLight, frame};
-use super::receivers::Receivers;
+use super::receivers::ShadowReceivers;
 use crate::Result;
 use crate::stage::Stage;
-use crate::world::World;
+use crate::world::ReferenceWorld;
 use glam::{DMat3, DVec3};
-use mesophyll_files::progress::{Bar, go_on};
+use mesophyll_files::progress::{TaskProgress, go_on};
 use rayon::prelude::*;
 
 /// A scene that casts shadows on its receivers.
-pub struct Shadows<'a> {
+pub struct ShadowScene<'a> {
     stage: Stage<'a>,
-    receivers: &'a Receivers,
+    receivers: &'a ShadowReceivers,
     light: &'a AreaLight,
 }
 
 /// Number of receivers in a thread's unit of work.
 const PIECE: usize = 1024;
 
-impl<'a> Shadows<'a> {
+impl<'a> ShadowScene<'a> {
     /// Prepares a scene. `receivers` must have been made for this world.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a world that contradicts itself.
-    pub fn new(world: &'a World, receivers: &'a Receivers, light: &'a AreaLight) -> Result<Shadows<'a>> {
+    pub fn new(
+        world: &'a ReferenceWorld,
+        receivers: &'a ShadowReceivers,
+        light: &'a AreaLight,
+    ) -> Result<ShadowScene<'a>> {
         world.validate()?;
-        Ok(Shadows { stage: Stage::new(world), receivers, light })
+        Ok(ShadowScene { stage: Stage::new(world), receivers, light })
     }
 
     /// Computes the map of each direction (towards the light's centre; of any length above 0) in order: a byte for each
@@ -37,7 +41,7 @@ impl<'a> Shadows<'a> {
     /// # Errors
     /// [`crate::Error::Interrupted`] after Ctrl-C; those of `take`.
     pub fn maps(&self, directions: &[DVec3], mut take: impl FnMut(usize, &[u8]) -> Result<()>) -> Result<()> {
-        let bar = Bar::new("visibility", directions.len() as u64);
+        let bar = TaskProgress::new("visibility", directions.len() as u64);
         let mut done = 0;
         self.follow(directions.iter().copied(), |_, map| {
             go_on()?;

@@ -13,22 +13,22 @@
 //!
 //! A map does not contain the cosine, because only the renderer knows the shading normal.
 
-mod cast;
-mod coded;
+mod casters;
+mod compression;
 pub(crate) mod directions;
 mod entropy;
 mod grid;
 pub(crate) mod light;
 mod maps;
 mod receivers;
-mod refine;
+mod refinement;
 pub mod runs;
 #[cfg(test)]
 mod tests;
 
-pub use coded::{CodedMaps, Collector};
-pub use directions::{Blend, Directions};
+pub use compression::{CodedMaps, MapCollector};
+pub use directions::{MapBlend, ShadowDirections};
 pub use light::{AreaLight, MOST_POINTS};
-pub use maps::Shadows;
-pub use receivers::{MOST_RECEIVERS, Place, Receiver, Receivers};
-pub use refine::Blade;
+pub use maps::ShadowScene;
+pub use receivers::{MOST_RECEIVERS, ShadowReceiver, ShadowReceivers, VertexPlace};
+pub use refinement::VisibilityMesh;

@@ -1,7 +1,7 @@
 //! The points at which visibility is computed: the vertices of every instance.
 
-use super::refine::{Blade, refine};
-use crate::world::World;
+use super::refinement::{VisibilityMesh, refine};
+use crate::world::ReferenceWorld;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::ops::Range;
@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// The place of a blade's vertex on the drawn mesh: up to three of its vertices, with weights that sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct VertexPlace {
     /// Vertices of one triangle of the drawn mesh. Those with weight 0 repeat the first one.
     pub corners: [u32; 3],
     /// Their weights.
@@ -18,7 +18,7 @@ pub struct Place {
 
 /// A point at which visibility is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Receiver {
+pub struct ShadowReceiver {
     /// Index of the instance in the world.
     pub instance: usize,
     /// Index of the vertex in the instance's blade ([`Receivers::blades`]).
@@ -32,9 +32,9 @@ pub struct Receiver {
 /// All points at which visibility is computed. Instances follow each other, and each has the order of its blade's
 /// vertices.
 #[derive(Debug, Clone)]
-pub struct Receivers {
+pub struct ShadowReceivers {
     /// The mesh of each leaf of the world. It is drawn where visibility is interpolated.
-    pub blades: Vec<Blade>,
+    pub blades: Vec<VisibilityMesh>,
     /// Index of the first receiver of each instance, and at the end the number of all.
     first: Vec<usize>,
     /// Index of the leaf of each instance.
@@ -46,16 +46,16 @@ pub struct Receivers {
 /// The largest number of receivers of a world.
 pub const MOST_RECEIVERS: usize = 100_000_000;
 
-impl Receivers {
+impl ShadowReceivers {
     /// The vertices of all instances. Edges of leaf k are at most `edge_mm[k]` long in its own lengths; if this is
     /// infinite or missing, they stay as drawn. Parts that a leaf's outline cuts away have no receivers.
     ///
     /// # Errors
     /// [`Error::Input`] for a world that contradicts itself, a leaf of discs, or more than [`MOST_RECEIVERS`].
-    pub fn new(world: &World, edge_mm: &[f64]) -> Result<Receivers> {
+    pub fn new(world: &ReferenceWorld, edge_mm: &[f64]) -> Result<ShadowReceivers> {
         world.validate()?;
         let edge = |k: usize| edge_mm.get(k).copied().unwrap_or(f64::INFINITY);
-        let blades: Vec<Blade> =
+        let blades: Vec<VisibilityMesh> =
             world.leaves.iter().enumerate().map(|(k, leaf)| refine(leaf, edge(k), k)).collect::<Result<_>>()?;
         let count: usize = world.instances.iter().map(|p| blades[p.leaf].mesh.positions.len()).sum();
         if count > MOST_RECEIVERS {
@@ -63,7 +63,7 @@ impl Receivers {
             return Err(Error::input(Path::new("visibility"), what));
         }
         let flat: Vec<Vec<DVec3>> = blades.iter().map(normals).collect();
-        let mut out = Receivers {
+        let mut out = ShadowReceivers {
             blades,
             first: vec![0],
             leaf: world.instances.iter().map(|p| p.leaf).collect(),
@@ -96,14 +96,19 @@ impl Receivers {
     }
 
     /// The blade that an instance shows.
-    pub fn blade(&self, instance: usize) -> &Blade {
+    pub fn blade(&self, instance: usize) -> &VisibilityMesh {
         &self.blades[self.leaf[instance]]
     }
 
     /// The receiver with the number `k`.
-    pub fn get(&self, k: usize) -> Receiver {
+    pub fn get(&self, k: usize) -> ShadowReceiver {
         let instance = self.first.partition_point(|first| *first <= k) - 1;
-        Receiver { instance, vertex: k - self.first[instance], position: self.positions[k], normal: self.normals[k] }
+        ShadowReceiver {
+            instance,
+            vertex: k - self.first[instance],
+            position: self.positions[k],
+            normal: self.normals[k],
+        }
     }
 
     /// Place of each receiver (mm), in order.
@@ -118,7 +123,7 @@ impl Receivers {
 }
 
 /// Mean normals of the triangles around each vertex.
-fn normals(blade: &Blade) -> Vec<DVec3> {
+fn normals(blade: &VisibilityMesh) -> Vec<DVec3> {
     let mesh = &blade.mesh;
     let mut sum = vec![DVec3::ZERO; mesh.positions.len()];
     for t in mesh.indices.chunks_exact(3) {

@@ -1,8 +1,10 @@
 //! Scenes whose visibility is known in closed form, and helpers for the tests of this folder.
 
-use super::{AreaLight, Receivers, Shadows};
+use super::{AreaLight, ShadowReceivers, ShadowScene};
 use crate::lobe::Lobe;
-use crate::world::{Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, World};
+use crate::world::{
+    ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld,
+};
 use glam::{DMat4, DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -37,21 +39,24 @@ pub(super) fn leaf(mesh: ReferenceMesh) -> ReferenceLeaf {
 /// A black leaf with an outline.
 pub(super) fn outlined(mesh: ReferenceMesh, width: usize, height: usize, mask: Option<Vec<u8>>) -> ReferenceLeaf {
     let none = || [0, 1, 2].map(|_| vec![0.0; width * height]);
-    let side =
-        || ReferenceSide { interior: Interior::Maps { rho_d: none(), rho_t: none() }, gloss: None, normal: None };
+    let side = || ReferenceSide {
+        interior: ReferenceInterior::Maps { rho_d: none(), rho_t: none() },
+        gloss: None,
+        normal: None,
+    };
     ReferenceLeaf { mesh, width, height, front: side(), back: side(), mask, lobe: Lobe::Beckmann }
 }
 
 /// A world with each mesh once, at its place.
-pub(super) fn world(of: Vec<(ReferenceMesh, DMat4)>) -> World {
-    World {
+pub(super) fn world(of: Vec<(ReferenceMesh, DMat4)>) -> ReferenceWorld {
+    ReferenceWorld {
         instances: of
             .iter()
             .enumerate()
-            .map(|(leaf, (_, transform))| Placement { leaf, transform: *transform })
+            .map(|(leaf, (_, transform))| ReferencePlacement { leaf, transform: *transform })
             .collect(),
         leaves: of.into_iter().map(|(mesh, _)| leaf(mesh)).collect(),
-        ..World::default()
+        ..ReferenceWorld::default()
     }
 }
 
@@ -73,10 +78,10 @@ fn plate(radius: f64, sides: u32) -> ReferenceMesh {
 }
 
 /// The maps of a world with its leaves as drawn.
-fn maps(world: &World, light: &AreaLight, directions: &[DVec3]) -> (Receivers, Vec<Vec<u8>>) {
-    let receivers = Receivers::new(world, &[]).unwrap();
+fn maps(world: &ReferenceWorld, light: &AreaLight, directions: &[DVec3]) -> (ShadowReceivers, Vec<Vec<u8>>) {
+    let receivers = ShadowReceivers::new(world, &[]).unwrap();
     let mut maps = Vec::new();
-    let shadows = Shadows::new(world, &receivers, light).unwrap();
+    let shadows = ShadowScene::new(world, &receivers, light).unwrap();
     shadows
         .maps(directions, |k, map| {
             assert_eq!(k, maps.len());
@@ -181,7 +186,7 @@ fn a_plate_above_another_throws_its_shadow() {
 }
 
 /// Random leaves, one with an outline and one of discs. Some touch or cross each other.
-fn thicket(seed: u64, of: usize) -> World {
+fn thicket(seed: u64, of: usize) -> ReferenceWorld {
     let mut state = seed;
     let mut next = move || {
         state = crate::seeds::mix(state, 7);
@@ -193,7 +198,7 @@ fn thicket(seed: u64, of: usize) -> World {
     }
     let holes = (0..64).map(|k| u8::from((k % 8 + k / 8) % 5 != 0)).collect();
     let cut = outlined(grid(40.0, 40.0, 6, 6), 8, 8, Some(holes));
-    let mut world = World { leaves: vec![leaf(curved), cut], ..World::default() };
+    let mut world = ReferenceWorld { leaves: vec![leaf(curved), cut], ..ReferenceWorld::default() };
     for k in 0..of {
         let mut spread = |by: f64| DVec3::new(next() - 0.5, next() - 0.5, next() - 0.5) * by;
         let (place, axis) = (spread(120.0), spread(6.0));
@@ -202,7 +207,7 @@ fn thicket(seed: u64, of: usize) -> World {
             DQuat::from_scaled_axis(axis),
             place,
         );
-        world.instances.push(Placement { leaf: k % 2, transform });
+        world.instances.push(ReferencePlacement { leaf: k % 2, transform });
     }
     world
 }
@@ -213,8 +218,8 @@ fn casting_finds_what_rays_find() {
     let wide = AreaLight::polygon(&[[-0.02, -0.01], [0.03, -0.01], [0.0, 0.02]].map(DVec2::from), 40).unwrap();
     for (seed, light) in [(1, AreaLight::disk(SUN, 64).unwrap()), (2, AreaLight::disk(0.0, 1).unwrap()), (3, wide)] {
         let scene = thicket(seed, 14);
-        let receivers = Receivers::new(&scene, &[3.0, 4.0]).unwrap();
-        let shadows = Shadows::new(&scene, &receivers, &light).unwrap();
+        let receivers = ShadowReceivers::new(&scene, &[3.0, 4.0]).unwrap();
+        let shadows = ShadowScene::new(&scene, &receivers, &light).unwrap();
         let directions = [[0.3, 0.2, 0.9], [0.0, 0.0, 1.0], [-0.7, 0.4, -0.2], [1.0, 0.0, 0.0]].map(DVec3::from);
         let mut partly = 0;
         shadows
@@ -238,12 +243,10 @@ fn what_repeats_hides_as_its_copies_do() {
     let mut one = world(vec![(grid(10.0, 10.0, 5, 5), at(0.0, 0.0, 0.0)), (grid(8.0, 30.0, 2, 2), at(6.0, 0.0, 20.0))]);
     let mut many = one.clone();
     for (x, y) in (-6..=6).flat_map(|x| (-3..=3).map(move |y| (x, y))).filter(|c| *c != (0, 0)) {
-        many.instances.extend(
-            one.instances
-                .clone()
-                .into_iter()
-                .map(|p| Placement { transform: at(20.0 * f64::from(x), 30.0 * f64::from(y), 0.0) * p.transform, ..p }),
-        );
+        many.instances.extend(one.instances.clone().into_iter().map(|p| ReferencePlacement {
+            transform: at(20.0 * f64::from(x), 30.0 * f64::from(y), 0.0) * p.transform,
+            ..p
+        }));
     }
     one.periodic = Some([20.0, 30.0]);
     let direction = DVec3::new(1.2, 0.1, 0.8);

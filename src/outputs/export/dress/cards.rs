@@ -2,13 +2,13 @@
 //! scattered over them.
 
 use super::Coated;
-use super::cover::folded;
+use super::coverage::folded;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
-use mesophyll_files::gltf_file::{Mask, Surface};
+use mesophyll_files::gltf_file::{AlphaMask, GltfPrimitive};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_plants::import::flat::Flat;
-use mesophyll_plants::import::soup::Piece;
+use mesophyll_plants::import::flat_pieces::FlatPieces;
+use mesophyll_plants::import::soup::MeshPiece;
 use std::path::Path;
 
 /// A piece more than this many times as long as the fitted blade shows no single leaf.
@@ -24,7 +24,7 @@ const MOST: f64 = 20_000.0;
 const SPREAD_DEG: f64 = 50.0;
 
 /// What the former picture cut out, and how it goes on beyond its edges along u and v.
-pub(super) type Cut = (Mask, [u64; 2]);
+pub(super) type Cut = (AlphaMask, [u64; 2]);
 
 /// A flat piece: the place of its base's corner, its edges along and across, and its triangles.
 #[derive(Debug, Clone)]
@@ -42,13 +42,13 @@ impl Card {
 }
 
 /// The flat pieces of a mesh with their axes.
-pub(super) fn cards(surface: &Surface, found: &Flat) -> Vec<Card> {
-    let triangles = |piece: &Piece| piece.triangles.iter().map(|t| *t as usize).collect();
+pub(super) fn cards(surface: &GltfPrimitive, found: &FlatPieces) -> Vec<Card> {
+    let triangles = |piece: &MeshPiece| piece.triangles.iter().map(|t| *t as usize).collect();
     found.flat.iter().filter_map(|piece| framed(surface, found, triangles(piece))).collect()
 }
 
 /// The axes of a piece, by its largest triangle.
-fn framed(surface: &Surface, found: &Flat, triangles: Vec<usize>) -> Option<Card> {
+fn framed(surface: &GltfPrimitive, found: &FlatPieces, triangles: Vec<usize>) -> Option<Card> {
     let corners = |t: usize| [0, 1, 2].map(|k| surface.indices[3 * t + k] as usize);
     let sides = |t: usize| {
         let place = corners(t).map(|k| DVec2::from(found.places[k]));
@@ -77,8 +77,8 @@ fn framed(surface: &Surface, found: &Flat, triangles: Vec<usize>) -> Option<Card
 pub(super) fn scatter(
     path: &Path,
     field: &str,
-    surface: &Surface,
-    found: &Flat,
+    surface: &GltfPrimitive,
+    found: &FlatPieces,
     cards: &[Card],
     coated: &Coated,
     picture: Option<(&Cut, &[[f32; 2]])>,
@@ -140,7 +140,7 @@ pub(super) fn scatter(
     Ok(out)
 }
 
-fn area(surface: &Surface, t: usize) -> f64 {
+fn area(surface: &GltfPrimitive, t: usize) -> f64 {
     let [a, b, c] = [0, 1, 2].map(|k| surface.positions[surface.indices[3 * t + k] as usize]);
     0.5 * (b - a).cross(c - a).length()
 }
@@ -151,7 +151,7 @@ fn place(k: usize) -> [f64; 2] {
 }
 
 /// The weights of a triangle's corners at a place of its piece, where it lies within.
-fn within(surface: &Surface, found: &Flat, t: usize, place: [f64; 2]) -> Option<[f64; 3]> {
+fn within(surface: &GltfPrimitive, found: &FlatPieces, t: usize, place: [f64; 2]) -> Option<[f64; 3]> {
     let [a, b, c] = [0, 1, 2].map(|k| DVec2::from(found.places[surface.indices[3 * t + k] as usize]));
     let det = (b - a).perp_dot(c - a);
     let p = DVec2::from(place) - a;

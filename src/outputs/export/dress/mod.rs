@@ -5,17 +5,18 @@
 //! second primitive, the same triangles seen from behind. Texture coordinates of the file are kept. Where there are
 //! none, each flat piece is laid along the fitted blade by its own axes ([`mesophyll_plants::import::flat`]).
 
+mod assignment;
 mod cards;
-mod cover;
+mod coverage;
 mod plan;
 mod primitive;
-mod wanted;
 
-use crate::coat::{Coat, Lost};
-use crate::foreign::target::Target;
+use crate::coat::{ExportCoat, ExportLoss};
+use crate::foreign::target::ExportTarget;
 use crate::gltf::{lit, material};
-use crate::shown::{Sheet, plain_name, unmeasured};
-use crate::{Error, Exported, Result};
+use crate::scene::{ExportSheet, plain_name, unmeasured};
+use crate::{Error, ExportResult, Result};
+use assignment::Wanted;
 use mesophyll_files::glb::Glb;
 use mesophyll_files::gltf_file;
 use mesophyll_fits::record::FitRecord;
@@ -25,7 +26,6 @@ use primitive::Work;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use wanted::Wanted;
 
 /// Extensions that a file may require: they are kept as they are, and none changes what is dressed.
 const KEPT: [&str; 9] = [
@@ -42,7 +42,7 @@ const KEPT: [&str; 9] = [
 
 /// A material of the plant, or a mesh where no material has the name, and the fit that takes its place.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Leaf {
+pub struct LeafReplacement {
     /// The material's name in the file; one without a name is called by its number, from 0.
     pub material: String,
     /// Folder of the leaf fit.
@@ -51,9 +51,9 @@ pub struct Leaf {
 
 /// What was done.
 #[derive(Debug, Default)]
-pub struct Dressed {
+pub struct DressResult {
     /// The files, and what is lost.
-    pub exported: Exported,
+    pub exported: ExportResult,
     /// Number of primitives that were dressed.
     pub primitives: usize,
     /// Number of their triangles.
@@ -84,16 +84,17 @@ pub struct Options {
 /// # Errors
 /// [`Error::Input`] for a plant or a fit that cannot be read, for a material that is not there or is named twice, and
 /// where nothing could be dressed; [`Error::Usage`] and [`Error::Write`] for `out`.
-pub fn dress(path: &Path, leaves: &[Leaf], options: Options, out: &Path) -> Result<Dressed> {
+pub fn dress(path: &Path, leaves: &[LeafReplacement], options: Options, out: &Path) -> Result<DressResult> {
     let record = crate::record_of_loss(out)?;
     gltf_file::read(path, &KEPT, |opened| {
         let wanted = Wanted::of(path, &opened, leaves)?;
         let (mut root, bin) = gltf_file::whole(path, &opened)?;
-        let mut done = Dressed::default();
+        let mut done = DressResult::default();
         let plans = plan::plans(path, &opened, &root, &wanted, options, &mut done.undressed);
         let mut file = Glb::onto(&mut root, bin);
         let sheets = sheets(&plans, leaves)?;
-        let coats: Vec<Coat> = sheets.iter().map(|s| Coat::new(&s.sheet, Target::GltfTranslucent)).collect();
+        let coats: Vec<ExportCoat> =
+            sheets.iter().map(|s| ExportCoat::new(&s.sheet, ExportTarget::GltfTranslucent)).collect();
         let mut coated: Vec<(Key, Coated)> = Vec::new();
         for plan in &plans {
             if coated.iter().any(|(key, _)| *key == plan.key) {
@@ -146,7 +147,7 @@ pub fn dress(path: &Path, leaves: &[Leaf], options: Options, out: &Path) -> Resu
         for leaf in leaves {
             unsaid.extend(FitRecord::read(&leaf.fit)?.stated_in_one().iter().map(|said| unmeasured(said)));
         }
-        let lost = Lost::new("gltf-translucent", &coats, &unsaid);
+        let lost = ExportLoss::new("gltf-translucent", &coats, &unsaid);
         done.exported = crate::beside(record.clone(), vec![out.to_path_buf()], lost)?;
         Ok(done)
     })
@@ -165,13 +166,13 @@ struct Key {
 struct Cut {
     leaf: usize,
     masked: bool,
-    sheet: Sheet,
+    sheet: ExportSheet,
     /// Whether a texel, in the front's columns, is on the leaf.
     on: Vec<bool>,
 }
 
 /// Each fit that is wanted.
-fn sheets(plans: &[Plan], leaves: &[Leaf]) -> Result<Vec<Cut>> {
+fn sheets(plans: &[Plan], leaves: &[LeafReplacement]) -> Result<Vec<Cut>> {
     let mut sheets: Vec<Cut> = Vec::new();
     for plan in plans {
         let Key { leaf, masked, .. } = plan.key;
@@ -179,7 +180,7 @@ fn sheets(plans: &[Plan], leaves: &[Leaf]) -> Result<Vec<Cut>> {
         if sheets.iter().any(|s| (s.leaf, s.masked) == (leaf, masked)) {
             continue;
         }
-        let (mut sheet, on) = Sheet::of_folder(fit)?;
+        let (mut sheet, on) = ExportSheet::of_folder(fit)?;
         sheet.mask = masked.then(|| on.clone());
         let taken = sheets.iter().filter(|s| s.sheet.name.starts_with(&sheet.name)).count();
         if taken > 0 {
@@ -223,7 +224,14 @@ struct Coated {
 }
 
 impl Coated {
-    fn new(coat: &Coat, on: &[bool], wrap: [u64; 2], root: &mut Value, file: &mut Glb, out: &Path) -> Result<Coated> {
+    fn new(
+        coat: &ExportCoat,
+        on: &[bool],
+        wrap: [u64; 2],
+        root: &mut Value,
+        file: &mut Glb,
+        out: &Path,
+    ) -> Result<Coated> {
         let sides: Vec<Side> = Side::ALL.into_iter().filter(|s| lit(coat, *s)).collect();
         let mut placed = Vec::new();
         if !root["materials"].is_array() {

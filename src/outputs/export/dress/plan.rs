@@ -1,12 +1,12 @@
 //! What is done with each primitive that gets a fit, before anything is written.
 
+use super::assignment::Wanted;
 use super::cards::Cut;
-use super::cover::{CLAMP, are_cards, inside, wrap};
-use super::wanted::Wanted;
-use super::{Key, Leaf, Options, colour, texture_set};
+use super::coverage::{CLAMP, are_cards, inside, wrap};
+use super::{Key, LeafReplacement, Options, colour, texture_set};
 use crate::Error;
-use mesophyll_files::gltf_file::{self, Mask, Opened, Surface};
-use mesophyll_plants::import::flat::{Flat, flat};
+use mesophyll_files::gltf_file::{self, AlphaMask, GltfDocument, GltfPrimitive};
+use mesophyll_plants::import::flat_pieces::{FlatPieces, flat};
 use serde_json::Value;
 use std::path::Path;
 
@@ -17,8 +17,8 @@ pub(super) struct Plan {
     /// How the fit is shown.
     pub key: Key,
     /// Its triangles, and the flat pieces among them.
-    pub surface: Surface,
-    pub found: Flat,
+    pub surface: GltfPrimitive,
+    pub found: FlatPieces,
     /// The file's own texture coordinates and their accessor.
     pub own: Option<(usize, Vec<[f32; 2]>)>,
     /// What the former picture cut out.
@@ -38,7 +38,7 @@ impl Plan {
 /// The plans in the order of the file. What cannot be dressed is added to `undressed`.
 pub(super) fn plans(
     path: &Path,
-    opened: &Opened,
+    opened: &GltfDocument,
     root: &Value,
     wanted: &Wanted,
     options: Options,
@@ -73,7 +73,7 @@ pub(super) fn plans(
             let cut = matches!(former["alphaMode"].as_str(), Some("MASK" | "BLEND"));
             let masked = cut || options.scatter || are_cards(&surface, &found);
             let own_wrap = wrap(root, colour(former));
-            let mask = material.filter(|_| options.scatter).and_then(|m| Mask::of(path, opened, m));
+            let mask = material.filter(|_| options.scatter).and_then(|m| AlphaMask::of(path, opened, m));
             let cut = mask.map(|mask| (mask, own_wrap));
             // Pictures that end where the coordinates do need not go on.
             let wrap = if kept.is_none_or(|(_, uvs)| inside(uvs)) { [CLAMP; 2] } else { own_wrap };
@@ -86,7 +86,7 @@ pub(super) fn plans(
 
 /// The file's own texture coordinates and their accessor, where they tell one place from another.
 fn own_coordinates(
-    opened: &Opened,
+    opened: &GltfDocument,
     primitive: &gltf::Primitive,
     set: u64,
     vertices: usize,
@@ -99,7 +99,7 @@ fn own_coordinates(
 }
 
 /// How much the nodes that show a mesh enlarge it, the largest of them; 1 for a mesh without a node.
-fn sizes(opened: &Opened) -> Vec<f64> {
+fn sizes(opened: &GltfDocument) -> Vec<f64> {
     let mut sizes = vec![0.0f64; opened.document.meshes().count()];
     let scenes = opened.document.scenes().flat_map(|s| s.nodes().collect::<Vec<_>>());
     let mut wait: Vec<(gltf::Node, f64, usize)> = scenes.map(|node| (node, 1.0, 0)).collect();
@@ -116,7 +116,13 @@ fn sizes(opened: &Opened) -> Vec<f64> {
 }
 
 /// Says which names led to no mesh, and what of the former textures was left out.
-pub(super) fn unused(opened: &Opened, root: &Value, wanted: &Wanted, leaves: &[Leaf], undressed: &mut Vec<String>) {
+pub(super) fn unused(
+    opened: &GltfDocument,
+    root: &Value,
+    wanted: &Wanted,
+    leaves: &[LeafReplacement],
+    undressed: &mut Vec<String>,
+) {
     let shown =
         opened.document.meshes().flat_map(|m| m.primitives().filter_map(|p| p.material().index()).collect::<Vec<_>>());
     let used: std::collections::BTreeSet<usize> = shown.collect();

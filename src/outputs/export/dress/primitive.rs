@@ -1,17 +1,17 @@
 //! One primitive of a plant, as it is dressed: coordinates, tangents, and the same triangles seen from behind.
 
 use super::cards::{self, Card, TWIG};
-use super::{Coated, Dressed, Options, Plan, cover};
+use super::{Coated, DressResult, Options, Plan, coverage};
 use crate::Result;
-use crate::blade::Mesh;
+use crate::blade::ExportMesh;
 use glam::{DVec2, DVec3};
 use gltf::Semantic;
 use gltf::accessor::DataType;
 use mesophyll_files::glb::Glb;
-use mesophyll_files::gltf_file::{self, Opened, Surface};
+use mesophyll_files::gltf_file::{self, GltfDocument, GltfPrimitive};
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_optics::side::Side;
-use mesophyll_plants::import::flat::Flat;
+use mesophyll_plants::import::flat_pieces::FlatPieces;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::Path;
@@ -33,12 +33,12 @@ enum Fate {
 /// The file that is dressed.
 pub(super) struct Work<'a> {
     pub path: &'a Path,
-    pub opened: &'a Opened,
+    pub opened: &'a GltfDocument,
     pub options: Options,
     pub file: &'a mut Glb,
     /// Accessors of turned normals and tangents, by the accessor that they were made of.
     pub turned: HashMap<usize, usize>,
-    pub done: Dressed,
+    pub done: DressResult,
 }
 
 impl Work<'_> {
@@ -131,7 +131,7 @@ impl Work<'_> {
             out.push(new);
         }
         let dressed: Vec<bool> = fate.iter().map(|f| *f == Fate::Dressed).collect();
-        let area = cover::kept(surface, &dressed, &uvs, coated);
+        let area = coverage::kept(surface, &dressed, &uvs, coated);
         self.judge(&field, area, kept.is_some(), coated);
         self.done.primitives += 1;
         self.done.triangles += dressed.iter().filter(|dressed| **dressed).count();
@@ -172,7 +172,7 @@ impl Work<'_> {
     fn scattered(&mut self, leaves: &LeafMesh, coated: &Coated) -> Vec<Value> {
         let mut leaves = leaves.clone();
         leaves.tangents = mesh::vertex_tangents(&leaves);
-        let front = Mesh::of(&leaves);
+        let front = ExportMesh::of(&leaves);
         self.done.scattered += front.indices.len() / 6;
         let both = [front.clone(), front.turned()];
         let side = |(side, material): &(Side, usize)| {
@@ -182,7 +182,7 @@ impl Work<'_> {
         coated.sides.iter().map(side).collect()
     }
 
-    fn make_coordinates(&mut self, front: &mut Value, found: &Flat, coated: &Coated) -> Vec<[f32; 2]> {
+    fn make_coordinates(&mut self, front: &mut Value, found: &FlatPieces, coated: &Coated) -> Vec<[f32; 2]> {
         let uvs: Vec<[f32; 2]> = found.places.iter().map(|place| coated.coordinates(*place)).collect();
         front["attributes"]["TEXCOORD_0"] = json!(self.file.floats("VEC2", &uvs));
         // Tangents belong to the coordinates that they came with.
@@ -195,7 +195,7 @@ impl Work<'_> {
     }
 
     /// Tangents where the file has none, and normals for them.
-    fn make_tangents(&mut self, front: &mut Value, own: &gltf::Primitive, surface: &Surface, uvs: &[[f32; 2]]) {
+    fn make_tangents(&mut self, front: &mut Value, own: &gltf::Primitive, surface: &GltfPrimitive, uvs: &[[f32; 2]]) {
         if front["attributes"]["TANGENT"].is_u64() {
             return;
         }
@@ -266,7 +266,7 @@ impl Work<'_> {
 }
 
 /// The triangles with this fate, also turned round.
-fn some(surface: &Surface, fates: &[Fate], fate: Fate, turned: bool) -> Vec<u32> {
+fn some(surface: &GltfPrimitive, fates: &[Fate], fate: Fate, turned: bool) -> Vec<u32> {
     let triangles = surface.indices.chunks_exact(3).zip(fates).filter(|(_, own)| **own == fate);
     triangles.flat_map(|(t, _)| if turned { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] }).collect()
 }

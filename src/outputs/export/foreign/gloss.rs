@@ -9,24 +9,24 @@
 //! Where b is even, the second normal equation says that theirs sends back as much even light as ours: the albedo is
 //! kept, except where a parameter meets its bound.
 
-use crate::foreign::micro::Micro;
-use crate::foreign::nodes::Nodes;
-use crate::foreign::texel::{Seen, Shine, Under};
+use crate::foreign::micro::MicrofacetLobe;
+use crate::foreign::nodes::DirectionPairs;
+use crate::foreign::texel::{DiffuseCoupling, MaterialGloss, MaterialTexel};
 use mesophyll_base::surface::gloss::Lobe;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// The lobe of a target without its numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Family {
+pub struct LobeFamily {
     /// Its slopes and masking.
-    pub micro: Micro,
+    pub micro: MicrofacetLobe,
     /// Index of its dielectric Fresnel factor, where it has one.
     pub index: Option<f64>,
     /// Whether Schlick's factor rises to 1 at grazing incidence, whatever the colour.
     pub grazing: bool,
     /// What it leaves to the matte light.
-    pub under: Under,
+    pub under: DiffuseCoupling,
 }
 
 /// Slopes between which the table lies.
@@ -47,14 +47,14 @@ struct Row {
 
 /// The nearest parameters of a family for every slope.
 #[derive(Debug, Clone)]
-pub struct Table {
-    family: Family,
+pub struct LobeTable {
+    family: LobeFamily,
     rows: Vec<Row>,
 }
 
 /// What [`Table::nearest`] finds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Nearest {
+pub struct NearestLobe {
     /// Matte reflectance.
     pub diffuse: [f64; 3],
     /// Scale of the gloss.
@@ -65,23 +65,23 @@ pub struct Nearest {
     pub matte: f64,
 }
 
-impl Family {
+impl LobeFamily {
     /// The lobe with its numbers.
-    pub fn shine(&self, alpha: f64, colour: [f64; 3]) -> Shine {
+    pub fn shine(&self, alpha: f64, colour: [f64; 3]) -> MaterialGloss {
         let grazing = if self.grazing { [1.0; 3] } else { colour };
-        Shine { micro: self.micro, alpha, colour: [colour, grazing], index: self.index, metal: None }
+        MaterialGloss { micro: self.micro, alpha, colour: [colour, grazing], index: self.index, metal: None }
     }
 
     /// The scalar products at a roughness, and what remains of our lobe.
-    fn row(&self, nodes: &Nodes, ours: &[f64], alpha: f64) -> ([f64; 9], f64) {
+    fn row(&self, nodes: &DirectionPairs, ours: &[f64], alpha: f64) -> ([f64; 9], f64) {
         let black = self.shine(alpha, [0.0; 3]);
         let white = self.shine(alpha, [1.0; 3]);
-        let seen = Seen { diffuse: [1.0; 3], through: [0.0; 3], shine: Some(white), under: self.under };
+        let seen = MaterialTexel { diffuse: [1.0; 3], through: [0.0; 3], shine: Some(white), under: self.under };
         let (mut p, mut oo) = ([0.0; 9], 0.0);
         let (mut view, mut left) = ([f64::NAN; 3], 1.0);
         for (n, o) in nodes.all.iter().zip(ours) {
             if n.view != view {
-                (view, left) = (n.view, if self.under == Under::Albedo { seen.left(n.view) } else { 1.0 });
+                (view, left) = (n.view, if self.under == DiffuseCoupling::Albedo { seen.left(n.view) } else { 1.0 });
             }
             let vh = mesophyll_base::surface::gloss::dot(n.view, crate::foreign::micro::half(n.view, n.light));
             let lobe = self.micro.value(n.view, n.light, alpha);
@@ -105,15 +105,15 @@ fn solve([aa, ab, bb]: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
     if det > 1e-12 * aa * bb { [(x * bb - y * ab) / det, (y * aa - x * ab) / det] } else { [0.0, y / bb] }
 }
 
-impl Table {
+impl LobeTable {
     /// The table of a family for our lobe and slopes between `low` and `high`.
-    pub fn new(family: Family, lobe: Lobe, [low, high]: [f64; 2]) -> Table {
+    pub fn new(family: LobeFamily, lobe: Lobe, [low, high]: [f64; 2]) -> LobeTable {
         let [low, high] = [low, high].map(|m| m.clamp(SLOPES[0], SLOPES[1]).ln());
         let count = if high - low < 1e-6 { 1 } else { ROWS };
         let rows = (0..count).into_par_iter().map(|k| {
             let ln_m = low + (high - low) * k as f64 / (count.max(2) - 1) as f64;
             let m = ln_m.exp();
-            let nodes = Nodes::new(lobe, m);
+            let nodes = DirectionPairs::new(lobe, m);
             let n = [0.0, 0.0, 1.0];
             let ours: Vec<f64> = nodes.all.iter().map(|at| lobe.bounded(n, at.light, at.view, m)).collect();
             let rest = |ln_alpha: f64| family.row(&nodes, &ours, ln_alpha.exp()).1;
@@ -136,16 +136,16 @@ impl Table {
             let ln_alpha = 0.5 * (a + b);
             Row { ln_m, ln_alpha, products: family.row(&nodes, &ours, ln_alpha.exp()).0 }
         });
-        Table { family, rows: rows.collect() }
+        LobeTable { family, rows: rows.collect() }
     }
 
     /// The family of this table.
-    pub fn family(&self) -> Family {
+    pub fn family(&self) -> LobeFamily {
         self.family
     }
 
     /// The parameters nearest to ρd/π + ρs f_s(m), with 0 ≤ colour ≤ `most` and no negative reflectance.
-    pub fn nearest(&self, rho_d: [f64; 3], rho_s: [f64; 3], m: f64, most: f64) -> Nearest {
+    pub fn nearest(&self, rho_d: [f64; 3], rho_s: [f64; 3], m: f64, most: f64) -> NearestLobe {
         let (row, next, t) = self.place(m.max(1e-9).ln());
         let mix = |a: f64, b: f64| a + (b - a) * t;
         let mut p = [0.0; 9];
@@ -167,7 +167,7 @@ impl Table {
             }
             (colour[c], diffuse[c]) = (s, d);
         }
-        Nearest { diffuse, colour, alpha: mix(row.ln_alpha, next.ln_alpha).exp(), matte: eb / bb }
+        NearestLobe { diffuse, colour, alpha: mix(row.ln_alpha, next.ln_alpha).exp(), matte: eb / bb }
     }
 
     fn place(&self, ln_m: f64) -> (&Row, &Row, f64) {
@@ -181,20 +181,20 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::foreign::micro::{Masking, Slopes};
+    use crate::foreign::micro::{MaskingRule, SlopeDistribution};
 
-    fn family(slopes: Slopes) -> Family {
-        let micro = Micro { slopes, masking: Masking::Separable };
-        Family { micro, index: None, grazing: false, under: Under::Added }
+    fn family(slopes: SlopeDistribution) -> LobeFamily {
+        let micro = MicrofacetLobe { slopes, masking: MaskingRule::Separable };
+        LobeFamily { micro, index: None, grazing: false, under: DiffuseCoupling::Added }
     }
 
     /// No other numbers near those found leave less (a search by trial, without normal equations).
     #[test]
     fn nothing_near_is_nearer() {
         let (m, rho_d, rho_s) = (0.3, 0.1, 0.08);
-        let table = Table::new(family(Slopes::Ggx), Lobe::Beckmann, [m, m]);
+        let table = LobeTable::new(family(SlopeDistribution::Ggx), Lobe::Beckmann, [m, m]);
         let found = table.nearest([rho_d; 3], [rho_s; 3], m, 1.0);
-        let nodes = Nodes::new(Lobe::Beckmann, m);
+        let nodes = DirectionPairs::new(Lobe::Beckmann, m);
         let rest = |alpha: f64, s: f64, d: f64| {
             nodes.integral(|v, l| {
                 let ours = rho_d / PI + rho_s * Lobe::Beckmann.bounded([0.0, 0.0, 1.0], l, v, m);

@@ -11,9 +11,9 @@
 //! leaf and as the leaf is seen. The error of the albedo is (1/π) ∬ (g − f) cosθi cosθo dωi dωo for each colour, the
 //! mean over the texels: what is missing or too much under even light from everywhere.
 
-use crate::foreign::nodes::Nodes;
-use crate::foreign::target::Coder;
-use crate::foreign::texel::Texel;
+use crate::foreign::nodes::DirectionPairs;
+use crate::foreign::target::TargetCoder;
+use crate::foreign::texel::ExportTexel;
 use mesophyll_base::surface::side::{Side, Sides};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -38,7 +38,7 @@ struct Sums {
 }
 
 /// The loss of these texels on both sides.
-pub fn loss(texels: &[Texel], coder: &Coder) -> Sides<SideLoss> {
+pub fn loss(texels: &[ExportTexel], coder: &TargetCoder) -> Sides<SideLoss> {
     Sides::of(|side| {
         let each: Vec<Sums> = texels.par_iter().map(|t| sums(t, coder, side)).collect();
         let n = each.len().max(1) as f64;
@@ -56,9 +56,9 @@ pub fn loss(texels: &[Texel], coder: &Coder) -> Sides<SideLoss> {
     })
 }
 
-fn sums(texel: &Texel, coder: &Coder, side: Side) -> Sums {
+fn sums(texel: &ExportTexel, coder: &TargetCoder, side: Side) -> Sums {
     let part = &texel.sides[side];
-    let nodes = Nodes::new(texel.lobe, if part.rho_s.iter().any(|r| *r > 0.0) { part.m } else { 0.5 });
+    let nodes = DirectionPairs::new(texel.lobe, if part.rho_s.iter().any(|r| *r > 0.0) { part.m } else { 0.5 });
     let seen = coder.seen(&coder.encode(texel)[side]);
     let through = texel.through(side);
     let mut out = Sums::default();
@@ -85,44 +85,48 @@ fn sums(texel: &Texel, coder: &Coder, side: Side) -> Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::foreign::target::Target;
-    use crate::foreign::texel::Part;
+    use crate::foreign::target::ExportTarget;
+    use crate::foreign::texel::ExportTexelSide;
     use mesophyll_base::surface::gloss::Lobe;
 
-    fn leaf(rho_s: f64) -> Texel {
-        let part =
-            |d: f64, m: f64| Part { rho_d: [0.3 * d, d, 0.2 * d], rho_t: [0.03, 0.12, 0.01], rho_s: [rho_s; 3], m };
-        Texel { sides: Sides { front: part(0.1, 0.3), back: part(0.16, 0.45) }, lobe: Lobe::Beckmann }
+    fn leaf(rho_s: f64) -> ExportTexel {
+        let part = |d: f64, m: f64| ExportTexelSide {
+            rho_d: [0.3 * d, d, 0.2 * d],
+            rho_t: [0.03, 0.12, 0.01],
+            rho_s: [rho_s; 3],
+            m,
+        };
+        ExportTexel { sides: Sides { front: part(0.1, 0.3), back: part(0.16, 0.45) }, lobe: Lobe::Beckmann }
     }
 
-    fn coder(target: Target, texel: &Texel) -> Coder {
+    fn coder(target: ExportTarget, texel: &ExportTexel) -> TargetCoder {
         let m = Side::ALL.map(|s| texel.sides[s].m);
-        Coder::new(target, texel.lobe, [m[0].min(m[1]), m[0].max(m[1])], texel.sides.front.rho_s[0])
+        TargetCoder::new(target, texel.lobe, [m[0].min(m[1]), m[0].max(m[1])], texel.sides.front.rho_s[0])
     }
 
     /// A matte leaf with one transmittance fits some targets exactly, and loses exactly what the others lack.
     #[test]
     fn a_matte_leaf_loses_what_a_target_lacks() {
         let texel = leaf(0.0);
-        for target in [Target::Mitsuba, Target::Blender] {
+        for target in [ExportTarget::Mitsuba, ExportTarget::Blender] {
             let lost = loss(&[texel], &coder(target, &texel));
             assert!(lost.iter().all(|(_, s)| s.rms.iter().all(|e| e.unwrap() < 1e-12)), "{target:?}: {lost:?}");
         }
         // An opaque target loses all transmission, and its albedo is the transmittance.
-        let lost = loss(&[texel], &coder(Target::Usd, &texel));
+        let lost = loss(&[texel], &coder(ExportTarget::Usd, &texel));
         assert!((lost.front.rms[1].unwrap() - 1.0).abs() < 1e-12);
         assert!((lost.front.albedo[1][1] / -0.12 - 1.0).abs() < 0.01, "{lost:?}");
         // It shows the front's colour on the back, too: (.1 − .16)/.16.
         assert!(lost.front.rms[0].unwrap() < 1e-12 && (lost.back.rms[0].unwrap() - 0.375).abs() < 1e-9);
         // pbrt has one material for both sides: half the difference, .03 of .1 and of .16.
-        let lost = loss(&[texel], &coder(Target::Pbrt, &texel));
+        let lost = loss(&[texel], &coder(ExportTarget::Pbrt, &texel));
         assert!((lost.front.rms[0].unwrap() - 0.3).abs() < 1e-9 && (lost.back.rms[0].unwrap() - 0.1875).abs() < 1e-9);
         // Bytes of glTF: half a step of 255 in sRGB is below 1 % of these reflectances, and 3 % of the darkest.
-        let lost = loss(&[texel], &coder(Target::GltfTranslucent, &texel));
+        let lost = loss(&[texel], &coder(ExportTarget::GltfTranslucent, &texel));
         assert!(lost.iter().all(|(_, s)| s.rms.iter().all(|e| (1e-6..0.02).contains(&e.unwrap()))), "{lost:?}");
         // One colour and one ratio: what the second singular value holds. For the front R = (.03, .1, .02) and T =
         // (.03, .12, .01) the squares of the singular values sum to .0267; their product is that of the cross product.
-        let lost = loss(&[texel], &coder(Target::OpenPbr, &texel));
+        let lost = loss(&[texel], &coder(ExportTarget::OpenPbr, &texel));
         let (r, t) = ([0.03f64, 0.1, 0.02], [0.03f64, 0.12, 0.01]);
         let square = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
         let cross = [r[1] * t[2] - r[2] * t[1], r[2] * t[0] - r[0] * t[2], r[0] * t[1] - r[1] * t[0]];
@@ -136,8 +140,8 @@ mod tests {
     /// There is no relative error of nothing.
     #[test]
     fn a_black_side_has_no_relative_error() {
-        let dark = Texel { sides: Sides::of(|_| Part::default()), lobe: Lobe::Beckmann };
-        assert_eq!(loss(&[dark], &coder(Target::Mitsuba, &dark)).front.rms, [None; 2]);
+        let dark = ExportTexel { sides: Sides::of(|_| ExportTexelSide::default()), lobe: Lobe::Beckmann };
+        assert_eq!(loss(&[dark], &coder(ExportTarget::Mitsuba, &dark)).front.rms, [None; 2]);
     }
 
     /// A glossy leaf is nearest to the targets with its own slopes.
@@ -145,27 +149,28 @@ mod tests {
     fn own_slopes_lose_least() {
         let texel = leaf(0.05);
         let rms = |target| loss(&[texel], &coder(target, &texel)).front.rms[0].unwrap();
-        let (same, other, metal) = (rms(Target::Blender), rms(Target::GltfTranslucent), rms(Target::OpenPbr));
+        let (same, other, metal) =
+            (rms(ExportTarget::Blender), rms(ExportTarget::GltfTranslucent), rms(ExportTarget::OpenPbr));
         assert!(same < other && same < metal, "{same} {other} {metal}");
-        let albedo = loss(&[texel], &coder(Target::Mitsuba, &texel)).front.albedo[0];
+        let albedo = loss(&[texel], &coder(ExportTarget::Mitsuba, &texel)).front.albedo[0];
         assert!(albedo.iter().all(|a| a.abs() < 1e-3), "{albedo:?}");
     }
 
     /// Wood and ground have one side; pbrt's material of both sides shows the front as it is.
     #[test]
     fn a_black_back_does_not_darken_the_front() {
-        let front = Part { rho_d: [0.32, 0.27, 0.2], ..Part::default() };
-        let ground = Texel { sides: Sides { front, back: Part::default() }, lobe: Lobe::Beckmann };
-        let coded = coder(Target::Pbrt, &ground).encode(&ground);
+        let front = ExportTexelSide { rho_d: [0.32, 0.27, 0.2], ..ExportTexelSide::default() };
+        let ground = ExportTexel { sides: Sides { front, back: ExportTexelSide::default() }, lobe: Lobe::Beckmann };
+        let coded = coder(ExportTarget::Pbrt, &ground).encode(&ground);
         assert_eq!(coded.front.diffuse, front.rho_d);
     }
 
     /// The loss agrees with a dense product rule over both angles and the azimuth, within the stated one per cent.
     #[test]
     fn losses_are_those_of_a_product_rule() {
-        let part = Part { rho_d: [0.1, 0.2, 0.05], rho_t: [0.1; 3], rho_s: [0.05; 3], m: 0.3 };
-        let texel = Texel { sides: Sides::of(|_| part), lobe: Lobe::Beckmann };
-        for target in [Target::Mitsuba, Target::Blender, Target::Pbrt] {
+        let part = ExportTexelSide { rho_d: [0.1, 0.2, 0.05], rho_t: [0.1; 3], rho_s: [0.05; 3], m: 0.3 };
+        let texel = ExportTexel { sides: Sides::of(|_| part), lobe: Lobe::Beckmann };
+        for target in [ExportTarget::Mitsuba, ExportTarget::Blender, ExportTarget::Pbrt] {
             let coder = coder(target, &texel);
             let seen = coder.seen(&coder.encode(&texel).front);
             let (n, mut squares) = (160, [0.0; 2]);

@@ -7,39 +7,39 @@ use mesophyll_base::surface::gloss::{Lobe, dot};
 
 /// The distribution of the facets' slopes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Slopes {
+pub enum SlopeDistribution {
     /// Gaussian slopes.
     Beckmann,
     /// Trowbridge and Reitz.
     Ggx,
 }
 
-impl Slopes {
+impl SlopeDistribution {
     /// The distribution of a lobe of ours. Other programs have no further ones.
-    pub fn of(lobe: Lobe) -> Slopes {
-        if lobe.is_long_tailed() { Slopes::Ggx } else { Slopes::Beckmann }
+    pub fn of(lobe: Lobe) -> SlopeDistribution {
+        if lobe.is_long_tailed() { SlopeDistribution::Ggx } else { SlopeDistribution::Beckmann }
     }
 
     /// The name that other programs have for it, in small letters.
     pub fn name(self) -> &'static str {
         match self {
-            Slopes::Beckmann => "beckmann",
-            Slopes::Ggx => "ggx",
+            SlopeDistribution::Beckmann => "beckmann",
+            SlopeDistribution::Ggx => "ggx",
         }
     }
 
     /// Our lobe with this distribution.
     pub fn lobe(self) -> Lobe {
         match self {
-            Slopes::Beckmann => Lobe::Beckmann,
-            Slopes::Ggx => Lobe::Ggx,
+            SlopeDistribution::Beckmann => Lobe::Beckmann,
+            SlopeDistribution::Ggx => Lobe::Ggx,
         }
     }
 }
 
 /// How masking and shadowing are combined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Masking {
+pub enum MaskingRule {
     /// G = G1(i)·G1(o).
     Separable,
     /// G = 1/(1 + Λi + Λo).
@@ -48,14 +48,14 @@ pub enum Masking {
 
 /// A lobe without its roughness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Micro {
+pub struct MicrofacetLobe {
     /// Distribution of slopes.
-    pub slopes: Slopes,
+    pub slopes: SlopeDistribution,
     /// Masking and shadowing.
-    pub masking: Masking,
+    pub masking: MaskingRule,
 }
 
-impl Micro {
+impl MicrofacetLobe {
     /// D·G/(4 cosθi cosθo) (1/sr) for directions above the surface, z the normal; 0 for others. `alpha` is the slope.
     pub fn value(self, v: [f64; 3], l: [f64; 3], alpha: f64) -> f64 {
         if v[2] <= 0.0 || l[2] <= 0.0 {
@@ -70,16 +70,16 @@ impl Micro {
         let tan2 = |c: f64| (1.0 - c * c).max(0.0) / (c * c);
         // Λ = 1/G1 − 1; of Beckmann's G1 by the rational fit.
         let lambda = |c: f64| match self.slopes {
-            Slopes::Beckmann => {
+            SlopeDistribution::Beckmann => {
                 let a = 1.0 / (alpha * tan2(c).sqrt()).max(1e-12);
                 if a >= 1.6 { 0.0 } else { (1.0 + a * (2.276 + 2.577 * a)) / (a * (3.535 + 2.181 * a)) - 1.0 }
             }
-            Slopes::Ggx => 0.5 * ((1.0 + alpha * alpha * tan2(c)).sqrt() - 1.0),
+            SlopeDistribution::Ggx => 0.5 * ((1.0 + alpha * alpha * tan2(c)).sqrt() - 1.0),
         };
         let (a, b) = (lambda(cos_v), lambda(cos_l));
         match self.masking {
-            Masking::Separable => 1.0 / ((1.0 + a) * (1.0 + b)),
-            Masking::Correlated => 1.0 / (1.0 + a + b),
+            MaskingRule::Separable => 1.0 / ((1.0 + a) * (1.0 + b)),
+            MaskingRule::Correlated => 1.0 / (1.0 + a + b),
         }
     }
 }
@@ -109,14 +109,14 @@ pub fn conductor(cos: f64, k: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::foreign::nodes::Nodes;
+    use crate::foreign::nodes::DirectionPairs;
 
     /// The visible facets' projected area is the surface's (Heitz 2014, Eq. 14): ∫ G1 D (v·h) dω_h = cosθ_v for GGX,
     /// whose G1 is exact, and within the rational fit's .4 % for Beckmann.
     #[test]
     fn masking_keeps_the_projected_area() {
-        for (slopes, tolerance) in [(Slopes::Ggx, 2e-3), (Slopes::Beckmann, 6e-3)] {
-            let micro = Micro { slopes, masking: Masking::Separable };
+        for (slopes, tolerance) in [(SlopeDistribution::Ggx, 2e-3), (SlopeDistribution::Beckmann, 6e-3)] {
+            let micro = MicrofacetLobe { slopes, masking: MaskingRule::Separable };
             let lobe = slopes.lobe();
             for (cos, alpha) in [(0.9f64, 0.3), (0.4, 0.5)] {
                 let v = [(1.0 - cos * cos).sqrt(), 0.0, cos];
@@ -141,10 +141,10 @@ mod tests {
 
     #[test]
     fn lobes_are_reciprocal_and_lose_energy_only() {
-        let nodes = Nodes::new(Lobe::Ggx, 0.4);
-        for slopes in [Slopes::Beckmann, Slopes::Ggx] {
-            for masking in [Masking::Separable, Masking::Correlated] {
-                let micro = Micro { slopes, masking };
+        let nodes = DirectionPairs::new(Lobe::Ggx, 0.4);
+        for slopes in [SlopeDistribution::Beckmann, SlopeDistribution::Ggx] {
+            for masking in [MaskingRule::Separable, MaskingRule::Correlated] {
+                let micro = MicrofacetLobe { slopes, masking };
                 let (v, l) = ([0.6, 0.0, 0.8], [0.0, -0.8, 0.6]);
                 assert!((micro.value(v, l, 0.4) / micro.value(l, v, 0.4) - 1.0).abs() < 1e-12);
                 let albedo = nodes.albedo(|v, l| micro.value(v, l, 0.4));

@@ -14,7 +14,7 @@ const IN: usize = 256;
 
 /// A pair of directions above the surface with its weight, which contains both cosines.
 #[derive(Debug, Clone, Copy)]
-pub struct Node {
+pub struct DirectionPair {
     /// Towards the viewer.
     pub view: [f64; 3],
     /// Towards the light.
@@ -25,18 +25,18 @@ pub struct Node {
 
 /// The pairs for a lobe of one roughness.
 #[derive(Debug, Clone)]
-pub struct Nodes {
+pub struct DirectionPairs {
     /// All pairs, in order of the outgoing directions.
-    pub all: Vec<Node>,
+    pub all: Vec<DirectionPair>,
 }
 
-impl Nodes {
+impl DirectionPairs {
     /// Pairs that resolve `lobe` with slope `m`.
-    pub fn new(lobe: Lobe, m: f64) -> Nodes {
-        Nodes::fine(lobe, m, OUT, IN)
+    pub fn new(lobe: Lobe, m: f64) -> DirectionPairs {
+        DirectionPairs::fine(lobe, m, OUT, IN)
     }
 
-    fn fine(lobe: Lobe, m: f64, out: usize, inward: usize) -> Nodes {
+    fn fine(lobe: Lobe, m: f64, out: usize, inward: usize) -> DirectionPairs {
         let m = m.max(1e-3);
         let mut all = Vec::with_capacity(2 * out * inward);
         for (k, (t, w)) in mesophyll_base::quadrature::unit(out).into_iter().enumerate() {
@@ -51,7 +51,7 @@ impl Nodes {
             let mut add = |light: [f64; 3]| {
                 if light[2] > 1e-9 {
                     let density = inward as f64 * (light[2] / PI + lobe_density(light));
-                    all.push(Node { view, light, weight: TAU * mu * w * light[2] / density });
+                    all.push(DirectionPair { view, light, weight: TAU * mu * w * light[2] / density });
                 }
             };
             for j in 0..inward {
@@ -70,7 +70,7 @@ impl Nodes {
                 }
             }
         }
-        Nodes { all }
+        DirectionPairs { all }
     }
 
     /// ∬ g cosθi cosθo dωi dωo.
@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn albedos_are_those_of_other_rules() {
         for (lobe, m) in [(Lobe::Beckmann, 0.08), (Lobe::Beckmann, 0.4), (Lobe::Ggx, 0.2)] {
-            let nodes = Nodes::new(lobe, m);
+            let nodes = DirectionPairs::new(lobe, m);
             let matte = nodes.albedo(|_, _| 0.3 / PI);
             assert!((matte / 0.3 - 1.0).abs() < 0.01, "{lobe:?} {m}: {matte}");
             let n = [0.0, 0.0, 1.0];
@@ -109,8 +109,11 @@ mod tests {
     fn squares_have_settled() {
         let n = [0.0, 0.0, 1.0];
         for m in [0.1, 0.35] {
-            let square = |nodes: Nodes| nodes.integral(|v, l| Lobe::Beckmann.bounded(n, l, v, m).powi(2));
-            let (few, many) = (square(Nodes::new(Lobe::Beckmann, m)), square(Nodes::fine(Lobe::Beckmann, m, 24, 1024)));
+            let square = |nodes: DirectionPairs| nodes.integral(|v, l| Lobe::Beckmann.bounded(n, l, v, m).powi(2));
+            let (few, many) = (
+                square(DirectionPairs::new(Lobe::Beckmann, m)),
+                square(DirectionPairs::fine(Lobe::Beckmann, m, 24, 1024)),
+            );
             assert!((few / many - 1.0).abs() < 0.03, "{m}: {few} against {many}");
         }
     }

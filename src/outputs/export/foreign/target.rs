@@ -10,15 +10,15 @@
 //! | Blender | a colour a side | a colour a side | our slopes, Smith |
 //! | Wavefront OBJ | a colour a side | none | not compared |
 
-use crate::foreign::gloss::{Family, Nearest, Table};
-use crate::foreign::micro::{Masking, Micro, Slopes};
-use crate::foreign::texel::{Part, Seen, Texel, Under};
+use crate::foreign::gloss::{LobeFamily, LobeTable, NearestLobe};
+use crate::foreign::micro::{MaskingRule, MicrofacetLobe, SlopeDistribution};
+use crate::foreign::texel::{DiffuseCoupling, ExportTexel, ExportTexelSide, MaterialTexel};
 use mesophyll_base::surface::gloss::Lobe;
 use mesophyll_base::surface::side::{Side, Sides};
 
 /// A program's material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Target {
+pub enum ExportTarget {
     /// glTF 2.0 with KHR_materials_specular, opaque.
     Gltf,
     /// The same with KHR_materials_diffuse_transmission.
@@ -39,7 +39,7 @@ pub enum Target {
 
 /// One side of a point in a target's numbers. What they mean for a target is said at [`Coder::encode`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Coded {
+pub struct TargetSide {
     /// Matte reflection.
     pub diffuse: [f64; 3],
     /// Matte transmission.
@@ -56,9 +56,9 @@ pub struct Coded {
 
 /// Finds a target's parameters for the texels of one leaf.
 #[derive(Debug, Clone)]
-pub struct Coder {
-    target: Target,
-    table: Option<Table>,
+pub struct TargetCoder {
+    target: ExportTarget,
+    table: Option<LobeTable>,
     /// Whether the numbers are kept in bytes.
     bytes: bool,
 }
@@ -82,28 +82,42 @@ fn most(c: [f64; 3]) -> f64 {
 /// The largest reflectance of a metal that pbrt-v4 makes of a colour.
 const METAL: f64 = 0.9999;
 
-impl Coder {
+impl TargetCoder {
     /// For a leaf with this lobe, slopes in `slopes`, and a gloss of at most `rho_s`. A leaf without gloss has 0 there.
-    pub fn new(target: Target, lobe: Lobe, slopes: [f64; 2], rho_s: f64) -> Coder {
-        let own = Slopes::of(lobe);
-        let plain =
-            |slopes, masking, under| Family { micro: Micro { slopes, masking }, index: None, grazing: false, under };
+    pub fn new(target: ExportTarget, lobe: Lobe, slopes: [f64; 2], rho_s: f64) -> TargetCoder {
+        let own = SlopeDistribution::of(lobe);
+        let plain = |slopes, masking, under| LobeFamily {
+            micro: MicrofacetLobe { slopes, masking },
+            index: None,
+            grazing: false,
+            under,
+        };
         let family = match target {
-            Target::Gltf | Target::GltfTranslucent => plain(Slopes::Ggx, Masking::Correlated, Under::Added),
-            Target::Mitsuba => Family { index: lobe.index(), ..plain(own, Masking::Separable, Under::Added) },
-            Target::Pbrt => plain(Slopes::Ggx, Masking::Correlated, Under::Added),
-            Target::OpenPbr => {
+            ExportTarget::Gltf | ExportTarget::GltfTranslucent => {
+                plain(SlopeDistribution::Ggx, MaskingRule::Correlated, DiffuseCoupling::Added)
+            }
+            ExportTarget::Mitsuba => {
+                LobeFamily { index: lobe.index(), ..plain(own, MaskingRule::Separable, DiffuseCoupling::Added) }
+            }
+            ExportTarget::Pbrt => plain(SlopeDistribution::Ggx, MaskingRule::Correlated, DiffuseCoupling::Added),
+            ExportTarget::OpenPbr => {
                 // The dielectric that reflects as much as the largest gloss, so that no colour exceeds 1.
                 let root = (1.2 * rho_s).clamp(0.02, 0.8).sqrt();
                 let index = (1.0 + root) / (1.0 - root);
-                Family { index: Some(index), ..plain(Slopes::Ggx, Masking::Correlated, Under::Albedo) }
+                LobeFamily {
+                    index: Some(index),
+                    ..plain(SlopeDistribution::Ggx, MaskingRule::Correlated, DiffuseCoupling::Albedo)
+                }
             }
-            Target::Usd => Family { grazing: true, ..plain(Slopes::Ggx, Masking::Correlated, Under::Added) },
-            Target::Blender => plain(own, Masking::Correlated, Under::Added),
-            Target::Obj => return Coder { target, table: None, bytes: false },
+            ExportTarget::Usd => LobeFamily {
+                grazing: true,
+                ..plain(SlopeDistribution::Ggx, MaskingRule::Correlated, DiffuseCoupling::Added)
+            },
+            ExportTarget::Blender => plain(own, MaskingRule::Correlated, DiffuseCoupling::Added),
+            ExportTarget::Obj => return TargetCoder { target, table: None, bytes: false },
         };
-        let table = (rho_s > 0.0).then(|| Table::new(family, lobe, slopes));
-        Coder { target, table, bytes: matches!(target, Target::Gltf | Target::GltfTranslucent) }
+        let table = (rho_s > 0.0).then(|| LobeTable::new(family, lobe, slopes));
+        TargetCoder { target, table, bytes: matches!(target, ExportTarget::Gltf | ExportTarget::GltfTranslucent) }
     }
 
     /// Index of refraction of the gloss, for a target that has one.
@@ -111,10 +125,10 @@ impl Coder {
         self.table.as_ref().and_then(|t| t.family().index)
     }
 
-    fn nearest(&self, part: &Part) -> Nearest {
+    fn nearest(&self, part: &ExportTexelSide) -> NearestLobe {
         match &self.table {
             Some(table) => table.nearest(part.rho_d, part.rho_s, part.m, 1.0),
-            None => Nearest { diffuse: part.rho_d, colour: [0.0; 3], alpha: 0.0, matte: 1.0 },
+            None => NearestLobe { diffuse: part.rho_d, colour: [0.0; 3], alpha: 0.0, matte: 1.0 },
         }
     }
 
@@ -127,24 +141,24 @@ impl Coder {
     /// - pbrt: `weight` is the amount of the metal, `gloss` its reflectance, the others are divided by 1 − amount.
     /// - OpenPBR: `diffuse` is the subsurface colour C, `share` its anisotropy g: R = C² (1 − g)/2, T = C² (1 + g)/2.
     ///   The colour enters twice in the reference graph (MaterialX 1.39, `open_pbr_surface`).
-    pub fn encode(&self, texel: &Texel) -> Sides<Coded> {
+    pub fn encode(&self, texel: &ExportTexel) -> Sides<TargetSide> {
         let [front, back] = Side::ALL.map(|s| texel.sides[s]);
         let mean = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|c| 0.5 * (a[c] + b[c]));
         let both = mean(front.rho_t, back.rho_t);
-        let plain = |part: &Part, through: [f64; 3]| {
+        let plain = |part: &ExportTexelSide, through: [f64; 3]| {
             let n = self.nearest(part);
-            Coded { diffuse: n.diffuse, through, gloss: n.colour, alpha: n.alpha, ..Coded::default() }
+            TargetSide { diffuse: n.diffuse, through, gloss: n.colour, alpha: n.alpha, ..TargetSide::default() }
         };
         match self.target {
-            Target::Mitsuba => Sides::of(|s| plain(&texel.sides[s], both)),
-            Target::Blender => Sides::of(|s| plain(&texel.sides[s], texel.sides[s.other()].rho_t)),
-            Target::Obj => Sides::of(|s| plain(&texel.sides[s], [0.0; 3])),
-            Target::Usd => Sides::of(|_| plain(&front, [0.0; 3])),
-            Target::Gltf | Target::GltfTranslucent => Sides::of(|s| {
-                let through = if self.target == Target::Gltf { [0.0; 3] } else { texel.sides[s.other()].rho_t };
+            ExportTarget::Mitsuba => Sides::of(|s| plain(&texel.sides[s], both)),
+            ExportTarget::Blender => Sides::of(|s| plain(&texel.sides[s], texel.sides[s.other()].rho_t)),
+            ExportTarget::Obj => Sides::of(|s| plain(&texel.sides[s], [0.0; 3])),
+            ExportTarget::Usd => Sides::of(|_| plain(&front, [0.0; 3])),
+            ExportTarget::Gltf | ExportTarget::GltfTranslucent => Sides::of(|s| {
+                let through = if self.target == ExportTarget::Gltf { [0.0; 3] } else { texel.sides[s.other()].rho_t };
                 self.in_bytes(plain(&texel.sides[s], through))
             }),
-            Target::Pbrt => {
+            ExportTarget::Pbrt => {
                 // Wood and ground are black behind and have one side. A matte side has no slope.
                 let one_sided = [back.rho_d, back.rho_t, back.rho_s].iter().flatten().all(|v| *v <= 0.0);
                 let [a, b] = [front, back].map(|p| p.rho_s.iter().sum::<f64>());
@@ -152,12 +166,17 @@ impl Coder {
                 let middle = if one_sided {
                     front
                 } else {
-                    Part { rho_d: mean(front.rho_d, back.rho_d), rho_t: both, rho_s: mean(front.rho_s, back.rho_s), m }
+                    ExportTexelSide {
+                        rho_d: mean(front.rho_d, back.rho_d),
+                        rho_t: both,
+                        rho_s: mean(front.rho_s, back.rho_s),
+                        m,
+                    }
                 };
                 let c = plain(&middle, both);
                 let weight = most(c.gloss).min(0.99);
                 let over = |v: f64, by: f64| if by > 0.0 { v / by } else { 0.0 };
-                let coded = Coded {
+                let coded = TargetSide {
                     weight,
                     gloss: c.gloss.map(|g| over(g, weight).min(METAL)),
                     diffuse: c.diffuse.map(|d| over(d, 1.0 - weight)),
@@ -166,19 +185,19 @@ impl Coder {
                 };
                 Sides::of(|_| coded)
             }
-            Target::OpenPbr => Sides::of(|s| self.one_colour(&texel.sides[s], texel.sides[s.other()].rho_t)),
+            ExportTarget::OpenPbr => Sides::of(|s| self.one_colour(&texel.sides[s], texel.sides[s.other()].rho_t)),
         }
     }
 
     /// glTF's parameters, in bytes.
-    fn in_bytes(&self, c: Coded) -> Coded {
+    fn in_bytes(&self, c: TargetSide) -> TargetSide {
         let weight = byte(most(c.gloss));
         let left = (1.0 - weight).max(1e-3);
         // The least share that the transmission colour can fill. So a reader without the extension, which takes the
         // base colour whole, shows the front too bright by as little as possible: 1/(1 − share).
         let least = (most(c.through) / left * 255.0).ceil() / 255.0;
         let share = if least > 0.0 { least.min(254.0 / 255.0) } else { 0.0 };
-        Coded {
+        TargetSide {
             weight,
             share,
             gloss: if weight > 0.0 { c.gloss.map(|g| srgb_byte(g / weight)) } else { [0.0; 3] },
@@ -189,7 +208,7 @@ impl Coder {
     }
 
     /// One colour and one ratio nearest to R and T of three channels: the largest singular pair of their matrix.
-    fn one_colour(&self, part: &Part, rho_t: [f64; 3]) -> Coded {
+    fn one_colour(&self, part: &ExportTexelSide, rho_t: [f64; 3]) -> TargetSide {
         let n = self.nearest(part);
         let (r, t) = (n.diffuse, rho_t.map(|t| t * n.matte));
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -199,40 +218,46 @@ impl Coder {
         let (cos, sin) = (phi.cos().max(0.0), phi.sin().max(0.0));
         let sum = (cos + sin).max(1e-12);
         let colour = [0, 1, 2].map(|c| ((cos * r[c] + sin * t[c]) * sum).clamp(0.0, 1.0));
-        Coded { diffuse: colour, share: (sin - cos) / sum, gloss: n.colour, alpha: n.alpha, ..Coded::default() }
+        TargetSide {
+            diffuse: colour,
+            share: (sin - cos) / sum,
+            gloss: n.colour,
+            alpha: n.alpha,
+            ..TargetSide::default()
+        }
     }
 
     /// What the target shows of a side with its numbers.
-    pub fn seen(&self, c: &Coded) -> Seen {
-        let family = self.table.as_ref().map(Table::family);
+    pub fn seen(&self, c: &TargetSide) -> MaterialTexel {
+        let family = self.table.as_ref().map(LobeTable::family);
         // Schlick's rise and 1 − E stay where the colour is 0, so the lobe does, too.
         let shine = family.map(|f| f.shine(c.alpha, c.gloss));
-        let plain = Seen { diffuse: c.diffuse, through: c.through, shine, under: Under::Added };
+        let plain = MaterialTexel { diffuse: c.diffuse, through: c.through, shine, under: DiffuseCoupling::Added };
         match self.target {
-            Target::Mitsuba | Target::Blender | Target::Obj | Target::Usd => plain,
-            Target::Gltf | Target::GltfTranslucent => Seen {
+            ExportTarget::Mitsuba | ExportTarget::Blender | ExportTarget::Obj | ExportTarget::Usd => plain,
+            ExportTarget::Gltf | ExportTarget::GltfTranslucent => MaterialTexel {
                 diffuse: c.diffuse.map(|d| (1.0 - c.share) * d),
                 through: c.through.map(|t| c.share * t),
                 shine: family.filter(|_| c.weight > 0.0).map(|f| {
                     let normal = c.gloss.map(|g| g * c.weight);
-                    crate::foreign::texel::Shine { colour: [normal, [c.weight; 3]], ..f.shine(c.alpha, normal) }
+                    crate::foreign::texel::MaterialGloss { colour: [normal, [c.weight; 3]], ..f.shine(c.alpha, normal) }
                 }),
-                under: Under::Facet,
+                under: DiffuseCoupling::Facet,
             },
-            Target::Pbrt => Seen {
+            ExportTarget::Pbrt => MaterialTexel {
                 diffuse: c.diffuse.map(|d| (1.0 - c.weight) * d),
                 through: c.through.map(|t| (1.0 - c.weight) * t),
-                shine: plain.shine.map(|s| crate::foreign::texel::Shine {
+                shine: plain.shine.map(|s| crate::foreign::texel::MaterialGloss {
                     colour: [[c.weight; 3]; 2],
                     metal: Some(c.gloss.map(|r| 2.0 * r.sqrt() / (1.0 - r).sqrt())),
                     ..s
                 }),
-                under: Under::Added,
+                under: DiffuseCoupling::Added,
             },
-            Target::OpenPbr => Seen {
+            ExportTarget::OpenPbr => MaterialTexel {
                 diffuse: c.diffuse.map(|d| d * 0.5 * (1.0 - c.share)),
                 through: c.diffuse.map(|d| d * 0.5 * (1.0 + c.share)),
-                under: Under::Albedo,
+                under: DiffuseCoupling::Albedo,
                 ..plain
             },
         }

@@ -1,13 +1,13 @@
 //! A point of a leaf in our own model, and as another program's material shows it.
 
-use crate::foreign::micro::{Micro, conductor, half};
+use crate::foreign::micro::{MicrofacetLobe, conductor, half};
 use mesophyll_base::surface::gloss::{Lobe, dot, fresnel};
 use mesophyll_base::surface::side::{Side, Sides};
 use std::f64::consts::PI;
 
 /// One side of a leaf at a point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Part {
+pub struct ExportTexelSide {
     /// Diffuse reflectance.
     pub rho_d: [f64; 3],
     /// Transmittance for light that enters this side.
@@ -20,14 +20,14 @@ pub struct Part {
 
 /// A point of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Texel {
+pub struct ExportTexel {
     /// Both sides.
-    pub sides: Sides<Part>,
+    pub sides: Sides<ExportTexelSide>,
     /// The lobe of the gloss.
     pub lobe: Lobe,
 }
 
-impl Texel {
+impl ExportTexel {
     /// f_r (1/sr) seen from a side, for directions above it.
     pub fn reflected(&self, side: Side, v: [f64; 3], l: [f64; 3]) -> [f64; 3] {
         let part = &self.sides[side];
@@ -47,7 +47,7 @@ impl Texel {
 
 /// What lies between the gloss and the diffuse light of a material.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Under {
+pub enum DiffuseCoupling {
     /// Both are added.
     Added,
     /// Diffuse light keeps what the largest Fresnel factor leaves: 1 − max F(v·h) (glTF).
@@ -58,9 +58,9 @@ pub enum Under {
 
 /// The gloss of a material: D·G/(4 cosθi cosθo) times a factor of v·h for each colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shine {
+pub struct MaterialGloss {
     /// Its lobe.
-    pub micro: Micro,
+    pub micro: MicrofacetLobe,
     /// Its slope.
     pub alpha: f64,
     /// The factor at normal incidence, and at grazing incidence (Schlick 1994).
@@ -71,7 +71,7 @@ pub struct Shine {
     pub metal: Option<[f64; 3]>,
 }
 
-impl Shine {
+impl MaterialGloss {
     /// The factor at v·h.
     pub fn factor(&self, vh: f64) -> [f64; 3] {
         let x = (1.0 - vh).clamp(0.0, 1.0).powi(5);
@@ -110,22 +110,22 @@ impl Shine {
 
 /// A point of a leaf as a material shows it from one side.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
+pub struct MaterialTexel {
     /// Matte reflection.
     pub diffuse: [f64; 3],
     /// Matte transmission.
     pub through: [f64; 3],
     /// Gloss.
-    pub shine: Option<Shine>,
+    pub shine: Option<MaterialGloss>,
     /// What the gloss leaves to the diffuse light.
-    pub under: Under,
+    pub under: DiffuseCoupling,
 }
 
-impl Seen {
+impl MaterialTexel {
     /// What is left of diffuse light for a viewer at `v`, which is the same for all lights.
     pub fn left(&self, v: [f64; 3]) -> f64 {
         match (self.under, &self.shine) {
-            (Under::Albedo, Some(shine)) => 1.0 - shine.albedo(v[2]),
+            (DiffuseCoupling::Albedo, Some(shine)) => 1.0 - shine.albedo(v[2]),
             _ => 1.0,
         }
     }
@@ -137,8 +137,8 @@ impl Seen {
         let factor = self.shine.map_or([0.0; 3], |s| s.factor(vh));
         let lobe = self.shine.map_or(0.0, |s| s.micro.value(v, l, s.alpha));
         let left = match self.under {
-            Under::Facet => 1.0 - factor.iter().copied().fold(0.0, f64::max),
-            Under::Added | Under::Albedo => left,
+            DiffuseCoupling::Facet => 1.0 - factor.iter().copied().fold(0.0, f64::max),
+            DiffuseCoupling::Added | DiffuseCoupling::Albedo => left,
         };
         let reflected = [0, 1, 2].map(|c| left * self.diffuse[c] / PI + factor[c] * lobe);
         [reflected, self.through.map(|t| left * t / PI)]

@@ -2,16 +2,16 @@
 //! `MESOPHYLL_SKY_REAL`.
 
 use super::{Constants, Evaluator, Kind, constants, listed};
-use mesophyll_sky::Coefficients;
-use mesophyll_sky::fitted::Polynomials;
-use mesophyll_sky::fitted::mix::TURBIDITY_ZERO;
+use mesophyll_sky::HarmonicCoefficients;
+use mesophyll_sky::polynomials::PolynomialBasis;
+use mesophyll_sky::polynomials::mix::TURBIDITY_ZERO;
 
 fn head(about: &[String]) -> String {
     let lines: String = about.iter().map(|l| format!(" * {l}").trim_end().to_string() + "\n").collect();
     format!("/*\n{lines} */\n#ifndef MESOPHYLL_SKY_H\n#define MESOPHYLL_SKY_H\n\n")
 }
 
-pub fn fixed(c: &Coefficients, about: &[String]) -> String {
+pub fn fixed(c: &HarmonicCoefficients, about: &[String]) -> String {
     let mut out = head(about);
     let n = c.values().len();
     out.push_str(&format!("#define MESOPHYLL_SKY_BANDS {}\n\n", c.bands()));
@@ -175,17 +175,17 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
     ));
 }
 
-fn tensor(out: &mut String, e: &Evaluator, basis: Polynomials, [a, b]: [usize; 2]) {
+fn tensor(out: &mut String, e: &Evaluator, basis: PolynomialBasis, [a, b]: [usize; 2]) {
     let [low, high] = e.turbidities;
     let body = match basis {
-        Polynomials::Chebyshev => format!(
+        PolynomialBasis::Chebyshev => format!(
             "        const double x = sun_zenith * 1.2732395447351628 - 1.0, y = (2.0 * turbidity - {:?}) / {:?};
         for (i = 0; i < {a}; i++) p[i] = i == 0 ? 1.0 : i == 1 ? x : 2.0 * x * p[i - 1] - p[i - 2];
         for (j = 0; j < {b}; j++) q[j] = j == 0 ? 1.0 : j == 1 ? y : 2.0 * y * q[j - 1] - q[j - 2];\n",
             low + high,
             high - low
         ),
-        Polynomials::Monomials => format!(
+        PolynomialBasis::Monomials => format!(
             "        for (i = 0; i < {a}; i++) p[i] = i == 0 ? 1.0 : sun_zenith * p[i - 1];
         for (j = 0; j < {b}; j++) q[j] = j == 0 ? 1.0 : turbidity * q[j - 1];\n"
         ),

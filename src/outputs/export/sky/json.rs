@@ -1,11 +1,11 @@
 //! The sky as JSON: the arrays, every constant that the evaluation needs, and the evaluation in words.
 
-use super::{Evaluator, Kind, SkyOptions, constants};
+use super::{Evaluator, Kind, SkyExportOptions, constants};
 use crate::{Error, Result};
-use mesophyll_fits::record::{FitRecord, Times};
-use mesophyll_sky::Coefficients;
-use mesophyll_sky::fitted::Polynomials;
-use mesophyll_sky::fitted::mix::TURBIDITY_ZERO;
+use mesophyll_fits::record::{FitRecord, FitTimes};
+use mesophyll_sky::HarmonicCoefficients;
+use mesophyll_sky::polynomials::PolynomialBasis;
+use mesophyll_sky::polynomials::mix::TURBIDITY_ZERO;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -35,7 +35,13 @@ fn error(record: &FitRecord) -> Value {
     })
 }
 
-pub fn fixed(c: &Coefficients, record: &FitRecord, options: &SkyOptions, sun: f64, turbidity: f64) -> Result<String> {
+pub fn fixed(
+    c: &HarmonicCoefficients,
+    record: &FitRecord,
+    options: &SkyExportOptions,
+    sun: f64,
+    turbidity: f64,
+) -> Result<String> {
     finished(&json!({
         "name": record.name,
         "program": record.program,
@@ -101,7 +107,7 @@ pub fn polynomials(e: &Evaluator, record: &FitRecord, folder: &Path, ground: f64
         }
         Kind::Tensor { basis, powers } => json!({
             "form": "tensor",
-            "basis": if *basis == Polynomials::Chebyshev { "chebyshev" } else { "monomials" },
+            "basis": if *basis == PolynomialBasis::Chebyshev { "chebyshev" } else { "monomials" },
             "powers": powers,
             "evaluation": [
                 "chebyshev: sun_zenith and turbidity scaled to -1 .. 1 over their domains; monomials: as they are",
@@ -112,5 +118,5 @@ pub fn polynomials(e: &Evaluator, record: &FitRecord, folder: &Path, ground: f64
     if let (Some(sky), Value::Object(more)) = (sky.as_object_mut(), more) {
         sky.extend(more);
     }
-    finished(&json!({"fit": record, "times": Times::read(folder).ok(), "sky": sky}))
+    finished(&json!({"fit": record, "times": FitTimes::read(folder).ok(), "sky": sky}))
 }

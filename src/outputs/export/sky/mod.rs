@@ -5,30 +5,30 @@ mod c;
 mod json;
 mod wgsl;
 
-use super::Format;
+use super::ExportFormat;
 use crate::{Error, Result};
 use mesophyll_fits::record::FitRecord;
-use mesophyll_fits::sky::{Form, folder};
-use mesophyll_sky::fitted::mix::{TURBIDITY_ZERO, rgb_from_separable};
-use mesophyll_sky::fitted::{Folded, Polynomials};
+use mesophyll_fits::sky::{SkyFitForm, folder};
 use mesophyll_sky::irradiance::{add_ground, below_horizon};
-use mesophyll_sky::{Coefficients, preetham};
+use mesophyll_sky::polynomials::mix::{TURBIDITY_ZERO, rgb_from_separable};
+use mesophyll_sky::polynomials::{FoldedPolynomials, PolynomialBasis};
+use mesophyll_sky::{HarmonicCoefficients, preetham};
 use std::f64::consts::PI;
 use std::path::Path;
 
 /// The options of a sky's export, besides its format.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SkyOptions {
+pub struct SkyExportOptions {
     /// Sun zenith angle (rad) and turbidity. If given, only the numbers for these are written, without polynomials.
     pub fixed: Option<(f64, f64)>,
     /// Albedo of level ground that lights the lower hemisphere, 0 to 1; 0 leaves it dark.
     pub ground: f64,
 }
 
-impl SkyOptions {
+impl SkyExportOptions {
     /// Whether no option was given.
     pub fn is_plain(&self) -> bool {
-        *self == SkyOptions::default()
+        *self == SkyExportOptions::default()
     }
 }
 
@@ -56,11 +56,11 @@ enum Kind {
     /// Terms in v for each power of θs; u → linear sRGB by K diag(p) B.
     Folded { rows: Vec<usize>, back: [[f64; 3]; 3] },
     /// Powers of θs and τ.
-    Tensor { basis: Polynomials, powers: [usize; 2] },
+    Tensor { basis: PolynomialBasis, powers: [usize; 2] },
 }
 
 impl Evaluator {
-    fn new(form: &Form<f32>) -> Evaluator {
+    fn new(form: &SkyFitForm<f32>) -> Evaluator {
         let (bands, turbidities, terms) = (form.bands(), form.turbidities(), form.terms());
         let group = |places: &[usize], from: &[f32]| {
             let each = places.len();
@@ -71,7 +71,7 @@ impl Evaluator {
             }
         };
         match form {
-            Form::Folded(f) => {
+            SkyFitForm::Folded(f) => {
                 let (even, odd) = f.arrays();
                 let groups = vec![group(&f.orders().even, even), group(&f.orders().odd, odd)];
                 Evaluator {
@@ -82,7 +82,7 @@ impl Evaluator {
                     groups,
                 }
             }
-            Form::Tensor(f) => {
+            SkyFitForm::Tensor(f) => {
                 let places: Vec<usize> = (0..bands).flat_map(|l| (0..=l).map(move |m| l * (l + 1) + m)).collect();
                 let groups = vec![group(&places, f.values())];
                 Evaluator {
@@ -131,7 +131,7 @@ impl Evaluator {
 /// # Errors
 /// As [`folder::read`]; [`Error::Usage`] for formats that a sky has none of, a sun or turbidity outside the fit, an
 /// albedo outside 0 to 1.
-pub fn text(folder: &Path, format: Format, options: &SkyOptions) -> Result<String> {
+pub fn text(folder: &Path, format: ExportFormat, options: &SkyExportOptions) -> Result<String> {
     let (record, form) = folder::read(folder)?;
     if !(0.0..=1.0).contains(&options.ground) {
         return Err(Error::Usage(format!("--ground is {}; expected an albedo of 0 to 1", options.ground)));
@@ -146,33 +146,33 @@ pub fn text(folder: &Path, format: Format, options: &SkyOptions) -> Result<Strin
         let c = if options.ground > 0.0 { add_ground(&c, [options.ground; 3], [0.0; 3]) } else { c };
         let about = about(&record, &form, options);
         return match format {
-            Format::Wgsl => Ok(wgsl::fixed(&c, &about)),
-            Format::C => Ok(c::fixed(&c, &about)),
+            ExportFormat::Wgsl => Ok(wgsl::fixed(&c, &about)),
+            ExportFormat::C => Ok(c::fixed(&c, &about)),
             _ => json::fixed(&c, &record, options, sun, turbidity),
         };
     }
     let evaluator = Evaluator::new(&form);
     match format {
-        Format::Wgsl => Ok(wgsl::polynomials(&evaluator, &about(&record, &form, options), options.ground)),
-        Format::C => Ok(c::polynomials(&evaluator, &about(&record, &form, options), options.ground)),
+        ExportFormat::Wgsl => Ok(wgsl::polynomials(&evaluator, &about(&record, &form, options), options.ground)),
+        ExportFormat::C => Ok(c::polynomials(&evaluator, &about(&record, &form, options), options.ground)),
         _ => json::polynomials(&evaluator, &record, folder, options.ground),
     }
 }
 
 /// The coefficients in f64, from the arrays as stored.
 fn coefficients(
-    form: &Form<f32>,
+    form: &SkyFitForm<f32>,
     sun: f64,
     turbidity: f64,
-) -> std::result::Result<Coefficients, mesophyll_sky::Refused> {
+) -> std::result::Result<HarmonicCoefficients, mesophyll_sky::SkyRefusal> {
     match form {
-        Form::Folded(f) => Folded::to::<f64>(f).coefficients(sun, turbidity),
-        Form::Tensor(f) => f.to::<f64>().coefficients(sun, turbidity),
+        SkyFitForm::Folded(f) => FoldedPolynomials::to::<f64>(f).coefficients(sun, turbidity),
+        SkyFitForm::Tensor(f) => f.to::<f64>().coefficients(sun, turbidity),
     }
 }
 
 /// Lines for the head of a text: what the numbers are, where they are valid, and their largest error.
-fn about(record: &FitRecord, form: &Form<f32>, options: &SkyOptions) -> Vec<String> {
+fn about(record: &FitRecord, form: &SkyFitForm<f32>, options: &SkyExportOptions) -> Vec<String> {
     let figure = |name: &str| record.sections.get("all").and_then(|s| s.figures.get(name)).copied().unwrap_or(f64::NAN);
     let mut lines = vec![
         format!("Spherical harmonics of the sky: {} ({}), {} bands.", record.name, record.program, form.bands()),

@@ -2,9 +2,9 @@
 //! allows 2⁻¹¹), so tangent, cosine and logarithm are spelled out as short series; `exp` is the only function called.
 
 use super::{Constants, Evaluator, Kind, constants, listed};
-use mesophyll_sky::Coefficients;
-use mesophyll_sky::fitted::Polynomials;
-use mesophyll_sky::fitted::mix::TURBIDITY_ZERO;
+use mesophyll_sky::HarmonicCoefficients;
+use mesophyll_sky::polynomials::PolynomialBasis;
+use mesophyll_sky::polynomials::mix::TURBIDITY_ZERO;
 
 fn head(about: &[String]) -> String {
     about.iter().map(|l| format!("// {l}").trim_end().to_string() + "\n").collect::<String>() + "\n"
@@ -24,7 +24,7 @@ fn matrix(m: &[[f64; 3]; 3]) -> String {
     format!("mat3x3<f32>({}, {}, {})", column(0), column(1), column(2))
 }
 
-pub fn fixed(c: &Coefficients, about: &[String]) -> String {
+pub fn fixed(c: &HarmonicCoefficients, about: &[String]) -> String {
     let n = c.values().len();
     let mut out = head(about);
     out.push_str(&format!("const SKY_BANDS: u32 = {}u;\n", c.bands()));
@@ -234,15 +234,15 @@ fn folded(out: &mut String, e: &Evaluator, rows: &[usize], back: &[[f64; 3]; 3])
     ));
 }
 
-fn tensor(out: &mut String, e: &Evaluator, basis: Polynomials, [a, b]: [usize; 2]) {
+fn tensor(out: &mut String, e: &Evaluator, basis: PolynomialBasis, [a, b]: [usize; 2]) {
     let [low, high] = e.turbidities;
     let (x, y, twice) = match basis {
-        Polynomials::Chebyshev => (
+        PolynomialBasis::Chebyshev => (
             format!("sun_zenith * {} - 1.0", number(4.0 / std::f64::consts::PI)),
             format!("(2.0 * turbidity - {}) * {}", number(low + high), number(1.0 / (high - low))),
             true,
         ),
-        Polynomials::Monomials => ("sun_zenith".into(), "turbidity".into(), false),
+        PolynomialBasis::Monomials => ("sun_zenith".into(), "turbidity".into(), false),
     };
     let step = |v: &str, name: &str| {
         if twice { format!("2.0 * {v} * {name}[k - 1u] - {name}[k - 2u]") } else { format!("{v} * {name}[k - 1u]") }

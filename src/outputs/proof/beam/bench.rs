@@ -4,13 +4,13 @@
 use super::figures::{example, printed_length_error};
 use super::reference;
 use crate::bench::{BenchRow, median_us};
-use mesophyll_fits::branch::beam::basis::{DEGREE, Variable, of_branches, pair, shape, smooth_fit, worst};
-use mesophyll_fits::branch::beam::measured::{Along, fit};
-use mesophyll_fits::branch::beam::synthetic::{Truth, branch};
+use mesophyll_fits::branch::beam::basis::{DEGREE, PolynomialVariable, of_branches, pair, shape, smooth_fit, worst};
+use mesophyll_fits::branch::beam::fit::{PositionReference, fit};
+use mesophyll_fits::branch::beam::synthetic::{BranchFitTruth, branch};
 use mesophyll_plants::mechanics::length::{bend_with, kept, printed};
 use mesophyll_plants::mechanics::load::Load;
-use mesophyll_plants::mechanics::motion::{Motion, deviation};
-use mesophyll_plants::mechanics::motion_spectrum::Method;
+use mesophyll_plants::mechanics::motion::{MotionTexture, deviation};
+use mesophyll_plants::mechanics::motion_spectrum::SpectrumMethod;
 use mesophyll_plants::mechanics::quadrature::four;
 use mesophyll_plants::mechanics::taper::TERMS;
 use mesophyll_plants::mechanics::{beam, taper};
@@ -71,7 +71,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
         rows.push(row(
             "coefficients, powers of x",
             n.to_string(),
-            of_branches(Variable::Place, n),
+            of_branches(PolynomialVariable::Place, n),
             time,
             "of the tip, worst over tapers",
         ));
@@ -83,7 +83,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
         rows.push(row(
             "coefficients, powers of y",
             n.to_string(),
-            of_branches(Variable::Taper, n),
+            of_branches(PolynomialVariable::Taper, n),
             time,
             "of the tip, worst over tapers",
         ));
@@ -104,10 +104,12 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     measured(&mut rows);
     for size in [64, 128, 256] {
         let s = example(0.25);
-        for (name, method) in
-            [("printed", Method::Plain), ("inverse Abel", Method::InverseAbel), ("directed", Method::Directed)]
-        {
-            let make = || Motion::new(|f| s.spectrum(f), s.highest(), size, 5, method);
+        for (name, method) in [
+            ("printed", SpectrumMethod::Plain),
+            ("inverse Abel", SpectrumMethod::InverseAbel),
+            ("directed", SpectrumMethod::Directed),
+        ] {
+            let make = || MotionTexture::new(|f| s.spectrum(f), s.highest(), size, 5, method);
             let Some(motion) = make() else { continue };
             let error = deviation(&motion, |f| s.spectrum(f), 2, 16).0;
             rows.push(row(
@@ -147,11 +149,11 @@ fn lengths(rows: &mut Vec<BenchRow>) {
 }
 
 fn measured(rows: &mut Vec<BenchRow>) {
-    let truth = Truth::default();
+    let truth = BranchFitTruth::default();
     for marks in [6, 12, 24, 48] {
-        let b = branch(&truth, marks, 0.01, 1, Along::Branch);
-        if let Ok(m) = fit(&b, Along::Branch, Some(Load::Even)) {
-            let time = median_us(50.0, || fit(&b, Along::Branch, Some(Load::Even)));
+        let b = branch(&truth, marks, 0.01, 1, PositionReference::Branch);
+        if let Ok(m) = fit(&b, PositionReference::Branch, Some(Load::Even)) {
+            let time = median_us(50.0, || fit(&b, PositionReference::Branch, Some(Load::Even)));
             rows.push(row(
                 "marks of a measured branch",
                 marks.to_string(),

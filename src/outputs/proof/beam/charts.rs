@@ -1,6 +1,6 @@
 //! Pictures of branches for the documentation: error against coefficients, length errors, shapes and spectra.
 
-use crate::beam::figures::{Curve, Figures};
+use crate::beam::figures::{BranchProofCurve, BranchProofFigures};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_report::COLORS;
@@ -13,14 +13,14 @@ struct Picture<'a> {
     y: &'a str,
     log_x: bool,
     log_y: bool,
-    curves: &'a [Curve],
+    curves: &'a [BranchProofCurve],
 }
 
 /// Draws `beam-basis.svg`, `beam-shapes.svg`, `beam-length.svg` and `beam-motion.svg` into `folder`; returns the files.
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
-pub fn write(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
+pub fn write(folder: &Path, figures: &BranchProofFigures) -> Result<Vec<PathBuf>> {
     let [[plain, abel, directed], [plain_damped, abel_damped, directed_damped]] = figures.spectrum_errors;
     let motion_title = format!(
         "lines through a motion texture, RMS log10: {plain:.2} / {abel:.2} / {directed:.2} (0.1), {plain_damped:.2} / \

@@ -1,23 +1,23 @@
 //! The numbers behind the documentation pictures of branches.
 
-use mesophyll_fits::branch::beam::basis::{Variable, of_branches, pair, shape, smooth_fit};
+use mesophyll_fits::branch::beam::basis::{PolynomialVariable, of_branches, pair, shape, smooth_fit};
 use mesophyll_plants::mechanics::beam;
 use mesophyll_plants::mechanics::length::{bend, kept, printed};
-use mesophyll_plants::mechanics::motion::{Motion, deviation};
-use mesophyll_plants::mechanics::motion_spectrum::Method;
+use mesophyll_plants::mechanics::motion::{MotionTexture, deviation};
+use mesophyll_plants::mechanics::motion_spectrum::SpectrumMethod;
 use mesophyll_plants::mechanics::wind::{Oscillator, Sway, Wind};
 
 /// A named curve.
-pub type Curve = (String, Vec<(f64, f64)>);
+pub type BranchProofCurve = (String, Vec<(f64, f64)>);
 
 /// Worst error over all tapers, relative to the tip's deflection: against the number of coefficients a branch, and
 /// against the number of coefficients that serve all tapers.
-pub fn error_against_coefficients() -> Vec<Curve> {
+pub fn error_against_coefficients() -> Vec<BranchProofCurve> {
     let sweep = |variable| (1..=8).map(|n| (n as f64, of_branches(variable, n))).collect::<Vec<_>>();
     let smooth = |degree| (2..=6).map(|n| (n as f64, smooth_fit(n, degree).worst().0)).collect::<Vec<_>>();
     vec![
-        ("powers of x, a fit a branch".into(), sweep(Variable::Place)),
-        ("powers of y, a fit a branch".into(), sweep(Variable::Taper)),
+        ("powers of x, a fit a branch".into(), sweep(PolynomialVariable::Place)),
+        ("powers of y, a fit a branch".into(), sweep(PolynomialVariable::Taper)),
         ("powers of y, smooth in the taper (degree 5)".into(), smooth(5)),
         ("powers of y, smooth in the taper (degree 8)".into(), smooth(8)),
     ]
@@ -37,7 +37,7 @@ pub fn printed_length_error(alpha: f64, tip: f64) -> f64 {
 }
 
 /// Absolute length error against the tip's deflection (in lengths), for both corrections and three tapers.
-pub fn length_errors() -> Vec<Curve> {
+pub fn length_errors() -> Vec<BranchProofCurve> {
     let tips: Vec<f64> = (1..=20).map(|k| f64::from(k) * 0.05).collect();
     let mut curves = Vec::new();
     for alpha in [1.0, 0.3, 0.1] {
@@ -60,7 +60,7 @@ pub fn length_errors() -> Vec<Curve> {
 /// Errors of the directions along a bent axis, compared with those of the curve that it follows; worst over x
 /// (degrees).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Directions {
+pub struct AxisDirectionErrors {
     /// H9 Eq. 4.14: u′ at the corrected place x − d/s, compared with the tangent of the printed curve itself
     /// (differences of its points).
     pub printed: f64,
@@ -73,11 +73,11 @@ pub struct Directions {
 }
 
 /// Errors of directions at one taper and tip deflection (in lengths).
-pub fn directions(alpha: f64, tip: f64) -> Directions {
+pub fn directions(alpha: f64, tip: f64) -> AxisDirectionErrors {
     let amplitude = tip / beam::deflection(alpha, 1.0);
     let s = shape(alpha);
     let ours = tip / s.tip();
-    let mut worst = Directions { printed: 0.0, printed_true: 0.0, ours: 0.0, ours_true: 0.0 };
+    let mut worst = AxisDirectionErrors { printed: 0.0, printed_true: 0.0, ours: 0.0, ours_true: 0.0 };
     let angle = |a: f64, b: f64| (a - b).abs().to_degrees();
     let place = |x: f64| printed(x, amplitude * beam::deflection(alpha, x), amplitude * beam::slope(alpha, x));
     for k in 1..100 {
@@ -104,19 +104,19 @@ pub fn example(ratio: f64) -> Sway {
 
 /// Spectra along lines through a texture: the wanted one, and those of the printed form, of the inverse Abel transform
 /// and of the directed texture. Also the RMS deviations in log₁₀ of the last three.
-pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 3]) {
+pub fn spectra(ratio: f64, size: usize) -> (Vec<BranchProofCurve>, [f64; 3]) {
     let s = example(ratio);
-    let mut curves: Vec<Curve> = Vec::new();
+    let mut curves: Vec<BranchProofCurve> = Vec::new();
     let mut off = [f64::NAN; 3];
     for (k, (name, method)) in [
-        ("texture of the wanted spectrum", Method::Plain),
-        ("inverse Abel texture", Method::InverseAbel),
-        ("directed texture", Method::Directed),
+        ("texture of the wanted spectrum", SpectrumMethod::Plain),
+        ("inverse Abel texture", SpectrumMethod::InverseAbel),
+        ("directed texture", SpectrumMethod::Directed),
     ]
     .into_iter()
     .enumerate()
     {
-        let Some(motion) = Motion::new(|f| s.spectrum(f), s.highest(), size, 5, method) else { continue };
+        let Some(motion) = MotionTexture::new(|f| s.spectrum(f), s.highest(), size, 5, method) else { continue };
         let (deviation, bands) = deviation(&motion, |f| s.spectrum(f), 4, 24);
         off[k] = deviation;
         if curves.is_empty() {
@@ -129,7 +129,7 @@ pub fn spectra(ratio: f64, size: usize) -> (Vec<Curve>, [f64; 3]) {
 
 /// Deflection divided by the tip's for six tapers. For one of them also the approximations by the printed pair and by
 /// four coefficients.
-fn shapes() -> Vec<Curve> {
+fn shapes() -> Vec<BranchProofCurve> {
     let mut curves = Vec::new();
     for alpha in [1.0, 0.3, 0.1, 0.05, 0.01, 1e-4] {
         let tip = beam::deflection(alpha, 1.0);
@@ -148,27 +148,27 @@ fn shapes() -> Vec<Curve> {
 
 /// Everything that the pictures of branches show.
 #[derive(Debug, Clone)]
-pub struct Figures {
+pub struct BranchProofFigures {
     /// Worst error against coefficients a branch.
-    pub coefficients: Vec<Curve>,
+    pub coefficients: Vec<BranchProofCurve>,
     /// Deflection over the tip's.
-    pub shapes: Vec<Curve>,
+    pub shapes: Vec<BranchProofCurve>,
     /// Length error against the tip's deflection.
-    pub lengths: Vec<Curve>,
+    pub lengths: Vec<BranchProofCurve>,
     /// Spectra along lines through motion textures, at a tenth and at half of critical damping.
-    pub spectra: Vec<Curve>,
+    pub spectra: Vec<BranchProofCurve>,
     /// How far the lines of three methods are from the wanted spectrum (RMS of log10), at both dampings; see
     /// [`spectra`].
     pub spectrum_errors: [[f64; 3]; 2],
 }
 
 /// Computes what the pictures of branches show.
-pub fn all() -> Figures {
+pub fn all() -> BranchProofFigures {
     let [light, heavy] = [0.1, 0.5].map(|ratio| spectra(ratio, 256));
-    let named = |(curves, ratio): (Vec<Curve>, f64)| {
+    let named = |(curves, ratio): (Vec<BranchProofCurve>, f64)| {
         curves.into_iter().map(move |(name, points)| (format!("{name}, damping {ratio} of critical"), points))
     };
-    Figures {
+    BranchProofFigures {
         coefficients: error_against_coefficients(),
         shapes: shapes(),
         lengths: length_errors(),

@@ -2,8 +2,8 @@
 
 use super::reference;
 use crate::stress::StressRow;
-use mesophyll_fits::branch::beam::measured::{Along, Branch, fit};
-use mesophyll_fits::branch::beam::synthetic::{Truth, branch};
+use mesophyll_fits::branch::beam::fit::{MeasuredBranch, PositionReference, fit};
+use mesophyll_fits::branch::beam::synthetic::{BranchFitTruth, branch};
 use mesophyll_fits::branch::beam::{basis, evaluate};
 use mesophyll_plants::mechanics::beam;
 use mesophyll_plants::mechanics::length::{bend, kept};
@@ -59,7 +59,13 @@ fn single(case: &str, alpha: f32) -> StressRow {
 
 /// A measured branch, fitted for an even load. Digits are those of taper and load over stiffness, where the fit claims
 /// to know them.
-fn measured(case: &str, expected: &str, truth: Truth, noise: f64, spoil: impl Fn(&mut Branch)) -> StressRow {
+fn measured(
+    case: &str,
+    expected: &str,
+    truth: BranchFitTruth,
+    noise: f64,
+    spoil: impl Fn(&mut MeasuredBranch),
+) -> StressRow {
     under(case, expected, truth, noise, Some(Load::Even), spoil)
 }
 
@@ -67,15 +73,15 @@ fn measured(case: &str, expected: &str, truth: Truth, noise: f64, spoil: impl Fn
 fn under(
     case: &str,
     expected: &str,
-    truth: Truth,
+    truth: BranchFitTruth,
     noise: f64,
     load: Option<Load>,
-    spoil: impl Fn(&mut Branch),
+    spoil: impl Fn(&mut MeasuredBranch),
 ) -> StressRow {
-    let mut b = branch(&truth, 24, noise, 11, Along::Branch);
+    let mut b = branch(&truth, 24, noise, 11, PositionReference::Branch);
     spoil(&mut b);
     let clock = Instant::now();
-    match fit(&b, Along::Branch, load) {
+    match fit(&b, PositionReference::Branch, load) {
         Ok(m) => {
             let off = (m.taper.value / truth.alpha - 1.0)
                 .abs()
@@ -103,7 +109,7 @@ pub fn rows() -> Vec<StressRow> {
     let refused = |case: &str, expected: &str, alpha: f64, x: f64| {
         row(case, expected, evaluate(alpha, x).status.to_string(), None, None, clock)
     };
-    let t = Truth::default();
+    let t = BranchFitTruth::default();
     let mut rows = vec![
         exact("taper 1e-4", 1e-4),
         exact("taper 0.5, where the form changes at the tip", 0.5),
@@ -122,10 +128,22 @@ pub fn rows() -> Vec<StressRow> {
     }
     rows.extend([
         measured("measured, noise 1 %", "ok", t, 0.01, |_| {}),
-        measured("measured, tip 1 L, noise 0.3 %", "ok", Truth { tip: 1.0, ..t }, 3e-3, |_| {}),
-        measured("measured, taper 1e-3, noise 0.01 %", "ok", Truth { alpha: 1e-3, ..t }, 1e-4, |_| {}),
-        measured("measured, taper 1e-4, noise 5 %", "undetermined: alpha", Truth { alpha: 1e-4, ..t }, 0.05, |_| {}),
-        measured("measured, taper 1 - 1e-5, noise 0.1 %", "ok", Truth { alpha: 1.0 - 1e-5, ..t }, 1e-3, |_| {}),
+        measured("measured, tip 1 L, noise 0.3 %", "ok", BranchFitTruth { tip: 1.0, ..t }, 3e-3, |_| {}),
+        measured("measured, taper 1e-3, noise 0.01 %", "ok", BranchFitTruth { alpha: 1e-3, ..t }, 1e-4, |_| {}),
+        measured(
+            "measured, taper 1e-4, noise 5 %",
+            "undetermined: alpha",
+            BranchFitTruth { alpha: 1e-4, ..t },
+            0.05,
+            |_| {},
+        ),
+        measured(
+            "measured, taper 1 - 1e-5, noise 0.1 %",
+            "ok",
+            BranchFitTruth { alpha: 1.0 - 1e-5, ..t },
+            1e-3,
+            |_| {},
+        ),
         measured("measured, noise 20 %", "undetermined: alpha load_over_stiffness_mm", t, 0.2, |_| {}),
         measured("measured, zero load, noise only", "undetermined: alpha", t, 0.01, |b| {
             // What the noise of the same seed leaves when the deflection itself is subtracted.
@@ -159,16 +177,22 @@ pub fn rows() -> Vec<StressRow> {
 }
 
 /// Branches of another kind than the fit takes them for, and strong bends.
-fn wrong_models(t: Truth) -> Vec<StressRow> {
-    let rod = Truth { alpha: 1.0, tip: 0.05, kind: Load::Tip, ..t };
+fn wrong_models(t: BranchFitTruth) -> Vec<StressRow> {
+    let rod = BranchFitTruth { alpha: 1.0, tip: 0.05, kind: Load::Tip, ..t };
     let everything = "undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (the model does not describe";
     vec![
-        measured("measured, tip hangs at .65 L, noise 0.3 %", "ok", Truth { alpha: 0.2, tip: 1.5, ..t }, 3e-3, |_| {}),
+        measured(
+            "measured, tip hangs at .65 L, noise 0.3 %",
+            "ok",
+            BranchFitTruth { alpha: 0.2, tip: 1.5, ..t },
+            3e-3,
+            |_| {},
+        ),
         under("measured, load at the tip as stated", "ok", rod, 3e-3, Some(Load::Tip), |_| {}),
         under(
             "measured, own weight as stated, tip .6 L",
             "ok",
-            Truth { alpha: 0.5, tip: 1.0, kind: Load::OwnWeight, ..t },
+            BranchFitTruth { alpha: 0.5, tip: 1.0, kind: Load::OwnWeight, ..t },
             3e-3,
             Some(Load::OwnWeight),
             |_| {},
@@ -176,7 +200,7 @@ fn wrong_models(t: Truth) -> Vec<StressRow> {
         under(
             "measured, wrong model: load at .6 of a rod, none stated",
             everything,
-            Truth { kind: Load::Share(0.6), ..rod },
+            BranchFitTruth { kind: Load::Share(0.6), ..rod },
             3e-3,
             None,
             |_| {},
@@ -184,7 +208,7 @@ fn wrong_models(t: Truth) -> Vec<StressRow> {
         measured(
             "measured, wrong model: load at a third, even stated",
             everything,
-            Truth { alpha: 0.6, kind: Load::Share(0.35), ..t },
+            BranchFitTruth { alpha: 0.6, kind: Load::Share(0.35), ..t },
             3e-3,
             |_| {},
         ),

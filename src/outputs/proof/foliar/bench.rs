@@ -5,8 +5,8 @@
 
 use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
-use mesophyll_optics::foliar::exact::{self, Prepared, Resolution};
-use mesophyll_optics::foliar::{Leaf, Response, walk};
+use mesophyll_optics::foliar::exact::{self, LeafOperator, Resolution};
+use mesophyll_optics::foliar::{LayeredLeaf, LeafResponse, walk};
 use mesophyll_optics::side::Side;
 use std::time::Instant;
 
@@ -14,13 +14,13 @@ const DEPTHS: [f64; 3] = [0.05, 0.4, 2.0];
 const INCIDENCE: [f64; 3] = [0.0, 0.8, 1.4];
 
 /// Leaf, side, angle of incidence (radians) and the reference's answer.
-type Case = (Leaf, Side, f64, Response);
+type Case = (LayeredLeaf, Side, f64, LeafResponse);
 
 fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     for depth in DEPTHS {
-        let leaf = Leaf::soybean(depth);
-        let prepared = Prepared::new(&leaf, Resolution { order: 44, piece: 30, azimuth: 40 });
+        let leaf = LayeredLeaf::soybean(depth);
+        let prepared = LeafOperator::new(&leaf, Resolution { order: 44, piece: 30, azimuth: 40 });
         let solved = prepared.solve(depth);
         for side in [Side::Front, Side::Back] {
             cases.extend(INCIDENCE.map(|at| (leaf, side, at, solved.response(side, at))));
@@ -29,7 +29,7 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-fn off(a: &Response, b: &Response) -> f64 {
+fn off(a: &LeafResponse, b: &LeafResponse) -> f64 {
     (a.reflectance - b.reflectance).abs().max((a.transmittance - b.transmittance).abs())
 }
 
@@ -46,14 +46,15 @@ pub fn rows() -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     for (order, piece, azimuth) in [(6, 5, 8), (9, 7, 10), (12, 9, 12), (18, 13, 16), (26, 16, 20)] {
         let resolution = Resolution { order, piece, azimuth };
-        let found = |&(leaf, side, at, _): &Case| Prepared::new(&leaf, resolution).solve(leaf.depth).response(side, at);
+        let found =
+            |&(leaf, side, at, _): &Case| LeafOperator::new(&leaf, resolution).solve(leaf.depth).response(side, at);
         let error = cases.iter().map(|c| off(&found(c), &c.3)).fold(0.0, f64::max);
         let us = median_us(60.0, || found(&cases[0]));
         let usual = if resolution == Resolution::USUAL { ", the usual one" } else { "" };
         let note = format!("R and T, absolute, worst of {}{usual}; time of one leaf and angle", cases.len());
         rows.push(row("nodes a panel, exact", order.to_string(), error, us, note));
     }
-    let prepared = Prepared::new(&cases[0].0, Resolution::USUAL);
+    let prepared = LeafOperator::new(&cases[0].0, Resolution::USUAL);
     let us = median_us(40.0, || prepared.solve(0.3).response(Side::Front, 0.3));
     rows.push(row(
         "one more absorption, exact",
@@ -69,11 +70,11 @@ pub fn rows() -> Result<Vec<BenchRow>> {
     let alone = alone.map_err(|e| Error::Missed(format!("no pool of one thread: {e}")))?;
     for rays in [10_000u64, 100_000, 1_000_000] {
         let clock = Instant::now();
-        let found: Vec<Response> = alone.install(|| {
+        let found: Vec<LeafResponse> = alone.install(|| {
             let one = |(leaf, side, at, _): &Case| {
                 let counts = walk::count(leaf, *side, *at, rays, 1, &|| false);
                 let share = |count: u64| counts.share(count).0;
-                Response { reflectance: share(counts.reflected), transmittance: share(counts.transmitted) }
+                LeafResponse { reflectance: share(counts.reflected), transmittance: share(counts.transmitted) }
             };
             cases.iter().map(one).collect()
         });
@@ -84,7 +85,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
         rows.push(row("rays", rays.to_string(), error, us, note));
     }
     for (name, depth) in [("soybean, green light", 0.4), ("soybean, clear", 0.0)] {
-        let leaf = Leaf::soybean(depth);
+        let leaf = LayeredLeaf::soybean(depth);
         let rays = 1_000_000;
         let us = alone.install(|| median_us(600.0, || walk::count(&leaf, Side::Front, 0.0, rays, 1, &|| false)));
         let note = format!("adaxial, along the normal; on one core {:.1}e6 rays a second", rays as f64 / us);

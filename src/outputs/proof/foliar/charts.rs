@@ -1,6 +1,6 @@
 //! Pictures of the layered leaf: shares of light over the angle of incidence, and polar plots of where light leaves.
 
-use crate::foliar::figures::{self, Curve};
+use crate::foliar::figures::{self, FoliarProofCurve};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_optics::side::Side;
@@ -39,7 +39,7 @@ pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
     save("foliar-angles.svg", (980, 700), &|panels| {
         panels.iter().zip(&tables).try_for_each(|(area, (title, curves))| angles(area, title, curves))
     })?;
-    let plots: Vec<(String, Vec<Curve>)> = [30.0, 45.0]
+    let plots: Vec<(String, Vec<FoliarProofCurve>)> = [30.0, 45.0]
         .into_iter()
         .flat_map(|incidence| {
             let [abm, fsm] = figures::lobes(Side::Front, incidence);
@@ -52,7 +52,7 @@ pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn angles(area: &Area, title: &str, curves: &[Curve]) -> Drawn {
+fn angles(area: &Area, title: &str, curves: &[FoliarProofCurve]) -> Drawn {
     let most = curves.iter().flat_map(|c| c.points.iter().map(|p| p.1)).fold(0.0, f64::max);
     let mut chart = ChartBuilder::on(area)
         .caption(title, ("sans-serif", 16))
@@ -79,7 +79,7 @@ fn angles(area: &Area, title: &str, curves: &[Curve]) -> Drawn {
 }
 
 /// The distance from the middle is the BRDF or BTDF; the lit side is up, the mirror direction to the right.
-fn polar(area: &Area, title: &str, curves: &[Curve]) -> Drawn {
+fn polar(area: &Area, title: &str, curves: &[FoliarProofCurve]) -> Drawn {
     let most = 1.08 * curves.iter().flat_map(|c| c.points.iter().map(|p| p.1)).fold(0.0, f64::max);
     let mut chart = ChartBuilder::on(area)
         .caption(title, ("sans-serif", 16))

@@ -3,20 +3,22 @@
 
 use super::stress::row;
 use crate::stress::StressRow;
-use mesophyll_base::random::Stream;
-use mesophyll_fits::foliar::surface::Setting;
-use mesophyll_fits::foliar::{Known, Model, Parameter, Reading};
-use mesophyll_optics::foliar::pigments::{Constants, Spectrum};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, exact};
+use mesophyll_base::random::RandomStream;
+use mesophyll_fits::foliar::surface::FoliarFitSetting;
+use mesophyll_fits::foliar::{FoliarFitConstants, FoliarFitModel, FoliarParameter, FoliarReading};
+use mesophyll_optics::foliar::pigments::{OpticalConstants, OpticalSpectrum};
+use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness, exact};
 use mesophyll_optics::side::Side;
 use std::time::Instant;
 
 const NOISE: f64 = 2e-3;
-const ASKED: [Parameter; 3] = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness];
+const ASKED: [FoliarParameter; 3] =
+    [FoliarParameter::Chlorophyll, FoliarParameter::Carotenoid, FoliarParameter::Oblateness];
 /// Contents of the leaf (µg/cm²).
 const CHLOROPHYLL: f64 = 40.0;
 const CAROTENOID: f64 = 9.0;
-const SETTING: Setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 0.14 };
+const SETTING: FoliarFitSetting =
+    FoliarFitSetting { palisade: 1.0, spongy: 5.0, path: MesophyllPath::Sieve, incidence: 0.14 };
 const SPOILT: &str = "undetermined: chlorophyll_ug_cm2";
 
 /// A fault, what must be said of it, and what it makes of R and T at a wavelength (nm).
@@ -34,9 +36,9 @@ const FAULTS: [Fault; 8] = [
 ];
 
 /// A spectrum of the size of a leaf's, made up, so that no database is needed.
-fn spectrum(shift: f64) -> Spectrum {
+fn spectrum(shift: f64) -> OpticalSpectrum {
     let bell = |nm: f64, at: f64, width: f64| (-((nm - at) / width).powi(2)).exp();
-    let of = |nm: f64| Constants {
+    let of = |nm: f64| OpticalConstants {
         specific: [
             5e4 * bell(nm, 440.0, 30.0) + 1e4 * bell(nm, 560.0, 90.0) + 4e4 * bell(nm, 675.0, 18.0),
             6e4 * bell(nm, 455.0, 40.0),
@@ -47,14 +49,14 @@ fn spectrum(shift: f64) -> Spectrum {
         indices: [1.53 - 1e-4 * (nm - 450.0), 1.42, 1.41],
     };
     let points = (0..18).map(|k| 430.0 + 16.0 * f64::from(k)).map(|nm| (nm, of(nm + shift))).collect();
-    Spectrum { points }
+    OpticalSpectrum { points }
 }
 
 /// Runs every fault, and a wavelength scale that is 12 nm off.
 pub fn rows() -> Vec<StressRow> {
-    let known = Known { contents: [0.0; 5], oblateness: 5.0 };
+    let known = FoliarFitConstants { contents: [0.0; 5], oblateness: 5.0 };
     let lights: Vec<(f64, Side)> = spectrum(0.0).points.iter().map(|p| (p.0, Side::Front)).collect();
-    let model = match Model::new(&spectrum(0.0), &lights, SETTING, &ASKED, Some(NOISE)) {
+    let model = match FoliarFitModel::new(&spectrum(0.0), &lights, SETTING, &ASKED, Some(NOISE)) {
         Ok(model) => model,
         Err(why) => return vec![row("fault of a spectrum", "ok", why, None, Instant::now())],
     };
@@ -73,13 +75,13 @@ pub fn rows() -> Vec<StressRow> {
 }
 
 /// The leaf's readings with noise, by the exact method.
-fn measured(shift: f64, change: &dyn Fn(f64, [f64; 2]) -> [f64; 2]) -> Option<Vec<Reading>> {
-    let mut noise = Stream::new(3, &[0xf0]);
+fn measured(shift: f64, change: &dyn Fn(f64, [f64; 2]) -> [f64; 2]) -> Option<Vec<FoliarReading>> {
+    let mut noise = RandomStream::new(3, &[0xf0]);
     let mut out = Vec::new();
     for (light, (nm, constants)) in spectrum(shift).points.into_iter().enumerate() {
         let per = constants.per_content();
         let [n_cuticle, n_mesophyll, n_antidermal] = constants.indices;
-        let leaf = Leaf {
+        let leaf = LayeredLeaf {
             depth: per[0] * CHLOROPHYLL + per[1] * CAROTENOID,
             n_cuticle,
             n_mesophyll,
@@ -92,7 +94,7 @@ fn measured(shift: f64, change: &dyn Fn(f64, [f64; 2]) -> [f64; 2]) -> Option<Ve
         let both = change(nm, [found.reflectance, found.transmittance]);
         for through in [false, true] {
             let k = usize::from(through);
-            out.push(Reading { light, through, value: both[k] + NOISE * pair[k], err: f64::NAN });
+            out.push(FoliarReading { light, through, value: both[k] + NOISE * pair[k], err: f64::NAN });
         }
     }
     Some(out)

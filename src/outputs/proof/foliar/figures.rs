@@ -1,7 +1,7 @@
 //! The numbers behind the pictures of `docs/foliar.md`, which show what B1 shows in its Fig. 3 to 5.
 
 use mesophyll_optics::foliar::goniometer::{Goniometer, RINGS, SECTORS};
-use mesophyll_optics::foliar::{Leaf, fsm, walk};
+use mesophyll_optics::foliar::{LayeredLeaf, fsm, walk};
 use mesophyll_optics::side::Side;
 
 /// For the model's red, green and blue: the wavelength (nm), and the absorption of one crossing of the soybean leaf's
@@ -15,7 +15,7 @@ const RAYS: u64 = 8_000_000;
 
 /// A curve of a plot over the angle of incidence or of view (degrees).
 #[derive(Debug, Clone, PartialEq)]
-pub struct Curve {
+pub struct FoliarProofCurve {
     /// What it shows.
     pub name: String,
     /// Angle (degrees) and value.
@@ -23,11 +23,11 @@ pub struct Curve {
 }
 
 /// Reflectance and transmittance of leaf and vein over the angle of incidence, a curve a colour: Fig. 3 and 4.
-pub fn tables() -> [(&'static str, Vec<Curve>); 4] {
-    let curves = |scale: f64, pick: fn(&fsm::Shares) -> f64| -> Vec<Curve> {
-        let one = |&(wavelength, depth): &(f64, f64)| Curve {
+pub fn tables() -> [(&'static str, Vec<FoliarProofCurve>); 4] {
+    let curves = |scale: f64, pick: fn(&fsm::FoliarShares) -> f64| -> Vec<FoliarProofCurve> {
+        let one = |&(wavelength, depth): &(f64, f64)| FoliarProofCurve {
             name: format!("{wavelength:.0} nm"),
-            points: fsm::table(&Leaf::soybean(depth * scale))
+            points: fsm::table(&LayeredLeaf::soybean(depth * scale))
                 .unwrap_or_default()
                 .iter()
                 .enumerate()
@@ -56,23 +56,23 @@ pub fn in_plane(value: impl Fn(usize, usize) -> f64) -> Vec<(f64, f64)> {
 }
 
 /// Polar plots of the leaf lit at an angle (degrees), by the ABM and by the FSM: Fig. 5.
-pub fn lobes(side: Side, incidence: f64) -> [Vec<Curve>; 2] {
+pub fn lobes(side: Side, incidence: f64) -> [Vec<FoliarProofCurve>; 2] {
     let at = incidence.to_radians();
     let mut both = [Vec::new(), Vec::new()];
     for (wavelength, depth) in SOYBEAN {
-        let leaf = Leaf::soybean(depth);
+        let leaf = LayeredLeaf::soybean(depth);
         let seen: Goniometer = walk::directions(&leaf, side, at, RAYS, 1, &|| false);
         let shares = {
             let (surface, n) = (leaf.surface_reflectance(at), seen.counts.rays as f64);
             let diffuse = seen.counts.reflected as f64 / n - surface;
-            fsm::Shares { surface, diffuse, through: seen.counts.transmitted as f64 / n }
+            fsm::FoliarShares { surface, diffuse, through: seen.counts.transmitted as f64 / n }
         };
         let ob = leaf.oblateness.cuticle;
         let model =
             |r: usize, s: usize| fsm::patch(at, ob, shares, r, s) / mesophyll_optics::foliar::goniometer::projected(r);
         let name = format!("{wavelength:.0} nm");
-        both[0].push(Curve { name: name.clone(), points: in_plane(|r, s| seen.reading(r, s).bdf.0) });
-        both[1].push(Curve { name, points: in_plane(model) });
+        both[0].push(FoliarProofCurve { name: name.clone(), points: in_plane(|r, s| seen.reading(r, s).bdf.0) });
+        both[1].push(FoliarProofCurve { name, points: in_plane(model) });
     }
     both
 }

@@ -3,11 +3,11 @@
 
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
-use crate::peers::Inputs;
-use mesophyll_fits::foliar::surface::Setting;
-use mesophyll_fits::foliar::{Known, Model, Parameter, Reading};
-use mesophyll_optics::foliar::pigments::{Constants, Spectrum};
-use mesophyll_optics::foliar::{Oblateness, Path};
+use crate::peers::PeerInputs;
+use mesophyll_fits::foliar::surface::FoliarFitSetting;
+use mesophyll_fits::foliar::{FoliarFitConstants, FoliarFitModel, FoliarParameter, FoliarReading};
+use mesophyll_optics::foliar::pigments::{OpticalConstants, OpticalSpectrum};
+use mesophyll_optics::foliar::{MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
 
 /// Measured means of species (`SOURCE.md` in the same folder names the source). The last six columns are R and T at
@@ -24,36 +24,40 @@ fn rows<const N: usize>(text: &str) -> Vec<[f64; N]> {
     text.lines().skip(1).filter_map(last).collect()
 }
 
-fn spectrum() -> Spectrum {
+fn spectrum() -> OpticalSpectrum {
     let point = |[nm, a, b, c, d, water, n_cuticle, n_mesophyll, n_antidermal]: [f64; 9]| {
-        (nm, Constants { specific: [a, b, c, d, water], indices: [n_cuticle, n_mesophyll, n_antidermal] })
+        (nm, OpticalConstants { specific: [a, b, c, d, water], indices: [n_cuticle, n_mesophyll, n_antidermal] })
     };
-    Spectrum { points: rows(PIGMENTS).into_iter().map(point).collect() }
+    OpticalSpectrum { points: rows(PIGMENTS).into_iter().map(point).collect() }
 }
 
 /// 45 species at three wavelengths, and our row for each form of a crossing.
 ///
 /// # Errors
 /// Wavelengths that the table of pigments does not have.
-pub fn inputs() -> Result<Inputs> {
+pub fn inputs() -> Result<PeerInputs> {
     let species: Vec<[f64; 6]> = rows(SPECIES);
     let mut text = String::from("R450,T450,R550,T550,R650,T650\n");
     for leaf in &species {
         text.push_str(&(leaf.map(|x| x.to_string()).join(",") + "\n"));
     }
     let mut ours = Vec::new();
-    for path in [Path::Sieve, Path::Slant] {
+    for path in [MesophyllPath::Sieve, MesophyllPath::Slant] {
         let Oblateness { palisade, spongy, .. } = Oblateness::USUAL;
-        let setting = Setting { palisade, spongy, path, incidence: 8f64.to_radians() };
-        let asked = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness];
-        let model = Model::new(&spectrum(), &WAVELENGTHS.map(|nm| (nm, Side::Front)), setting, &asked, None)
+        let setting = FoliarFitSetting { palisade, spongy, path, incidence: 8f64.to_radians() };
+        let asked = [FoliarParameter::Chlorophyll, FoliarParameter::Carotenoid, FoliarParameter::Oblateness];
+        let model = FoliarFitModel::new(&spectrum(), &WAVELENGTHS.map(|nm| (nm, Side::Front)), setting, &asked, None)
             .map_err(crate::Error::Missed)?;
-        let known = Known { contents: [0.0; 5], oblateness: Oblateness::USUAL.epidermis };
-        let reading =
-            |(k, value): (usize, &f64)| Reading { light: k / 2, through: k % 2 == 1, value: *value, err: f64::NAN };
+        let known = FoliarFitConstants { contents: [0.0; 5], oblateness: Oblateness::USUAL.epidermis };
+        let reading = |(k, value): (usize, &f64)| FoliarReading {
+            light: k / 2,
+            through: k % 2 == 1,
+            value: *value,
+            err: f64::NAN,
+        };
         // After the values and their errors comes the misfit of the readings.
         let misfit = |leaf: &[f64; 6]| {
-            let readings: Vec<Reading> = leaf.iter().enumerate().map(reading).collect();
+            let readings: Vec<FoliarReading> = leaf.iter().enumerate().map(reading).collect();
             let answer = model.fit(&readings, &known);
             answer.values.get(2 * asked.len()).copied().unwrap_or(f64::NAN)
         };
@@ -75,7 +79,7 @@ pub fn inputs() -> Result<Inputs> {
             ),
         });
     }
-    Ok(Inputs { files: vec![("leaves.csv".into(), text.into_bytes())], ours, turn: None })
+    Ok(PeerInputs { files: vec![("leaves.csv".into(), text.into_bytes())], ours, turn: None })
 }
 
 #[cfg(test)]

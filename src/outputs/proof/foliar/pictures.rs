@@ -10,12 +10,13 @@ use crate::Result;
 use crate::bench::BenchRow;
 use glam::{DMat4, DQuat, DVec2, DVec3, EulerRot};
 use mesophyll_optics::foliar::goniometer::{RINGS, SECTORS, projected};
-use mesophyll_optics::foliar::{Leaf, exact, fsm, walk};
+use mesophyll_optics::foliar::{LayeredLeaf, exact, fsm, walk};
 use mesophyll_optics::side::Side;
-use mesophyll_transport::foliar::{Foliar, Model};
-use mesophyll_transport::path::{Paths, Picture, Request, Target, Tracer};
+use mesophyll_transport::foliar::{FoliarMaterial, FoliarModel};
+use mesophyll_transport::path::{PathPicture, PathRequest, PathSettings, PathTracer, SamplingTarget};
 use mesophyll_transport::{
-    Camera, Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, ReferenceSun, World, lobe, tone,
+    ReferenceCamera, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun,
+    ReferenceWorld, lobe, tone,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -51,10 +52,10 @@ fn sheet() -> ReferenceMesh {
 }
 
 /// The three sets: name, world and camera.
-fn sets() -> [(&'static str, World, Camera); 3] {
+fn sets() -> [(&'static str, ReferenceWorld, ReferenceCamera); 3] {
     let black = || {
         let none = || [0, 1, 2].map(|_| vec![0.0f32]);
-        ReferenceSide { interior: Interior::Maps { rho_d: none(), rho_t: none() }, gloss: None, normal: None }
+        ReferenceSide { interior: ReferenceInterior::Maps { rho_d: none(), rho_t: none() }, gloss: None, normal: None }
     };
     let leaf = || ReferenceLeaf {
         mesh: sheet(),
@@ -65,15 +66,15 @@ fn sets() -> [(&'static str, World, Camera); 3] {
         mask: None,
         lobe: lobe::Lobe::Beckmann,
     };
-    let world = |from: DVec3, places: Vec<DMat4>| World {
+    let world = |from: DVec3, places: Vec<DMat4>| ReferenceWorld {
         leaves: vec![leaf()],
-        instances: places.into_iter().map(|transform| Placement { leaf: 0, transform }).collect(),
+        instances: places.into_iter().map(|transform| ReferencePlacement { leaf: 0, transform }).collect(),
         sun: Some(ReferenceSun { direction: from.normalize(), irradiance: [2.0, 1.9, 1.7], radius: 0.6 }),
         sky: Some([0.15, 0.18, 0.24]),
         exposure: EXPOSURE,
-        ..World::default()
+        ..ReferenceWorld::default()
     };
-    let camera = |eye: DVec3, fov_y_deg: f64| Camera { eye, target: DVec3::ZERO, up: DVec3::Z, fov_y_deg };
+    let camera = |eye: DVec3, fov_y_deg: f64| ReferenceCamera { eye, target: DVec3::ZERO, up: DVec3::Z, fov_y_deg };
     let turned = |x: f64, y: f64, z: f64, at: DVec3| {
         DMat4::from_rotation_translation(DQuat::from_euler(EulerRot::XYZ, x, y, z), at)
     };
@@ -91,11 +92,18 @@ fn sets() -> [(&'static str, World, Camera); 3] {
 }
 
 /// A picture as it is shown, with the time of a path (µs) and the median relative error of its pixels.
-fn draw(world: &World, camera: Camera, foliar: &Foliar, paths: u32, seed: u64) -> Result<(Vec<f64>, f64, f64)> {
-    let world = World { foliar: vec![Some(Arc::new(foliar.clone()))], ..world.clone() };
-    let tracer = Tracer::new(&world, Paths::default())?;
-    let mut picture = Picture::new(SIZE[0], SIZE[1]);
-    let request = Request { camera, size: SIZE, seed, target: Target { samples: Some(paths), error: None } };
+fn draw(
+    world: &ReferenceWorld,
+    camera: ReferenceCamera,
+    foliar: &FoliarMaterial,
+    paths: u32,
+    seed: u64,
+) -> Result<(Vec<f64>, f64, f64)> {
+    let world = ReferenceWorld { foliar: vec![Some(Arc::new(foliar.clone()))], ..world.clone() };
+    let tracer = PathTracer::new(&world, PathSettings::default())?;
+    let mut picture = PathPicture::new(SIZE[0], SIZE[1]);
+    let request =
+        PathRequest { camera, size: SIZE, seed, target: SamplingTarget { samples: Some(paths), error: None } };
     let clock = Instant::now();
     picture.draw(&tracer, &request, "picture", &mut |_| Ok(()))?;
     let us = clock.elapsed().as_secs_f64() * 1e6 / picture.total_paths() as f64;
@@ -117,9 +125,9 @@ fn row(knob: &str, setting: impl Into<String>, error: f64, us: f64, note: String
 /// # Errors
 /// A world that cannot be traced (these can), and a stop.
 pub fn rows() -> Result<Vec<BenchRow>> {
-    let soybean = SOYBEAN.map(|(_, depth)| Leaf::soybean(depth));
-    let Some(model) = Foliar::new(Model::Fsm, soybean) else { return Ok(Vec::new()) };
-    let (layers, paper) = (model.by(Model::Abm), model.of_paper());
+    let soybean = SOYBEAN.map(|(_, depth)| LayeredLeaf::soybean(depth));
+    let Some(model) = FoliarMaterial::new(FoliarModel::Fsm, soybean) else { return Ok(Vec::new()) };
+    let (layers, paper) = (model.by(FoliarModel::Abm), model.of_paper());
     let mut rows = Vec::new();
     for (name, world, camera) in sets() {
         let (one, us, noise) = draw(&world, camera, &layers, REFERENCE, 1)?;
@@ -144,8 +152,8 @@ pub fn rows() -> Result<Vec<BenchRow>> {
             let setting = format!("{name}, {paths} paths a pixel");
             rows.push(row("convergence of FSM", setting, rms(&shown, &truth), its_us, "as above".into()));
         }
-        let traced = World { foliar: vec![Some(Arc::new(model.clone()))], ..world };
-        let tracer = Tracer::new(&traced, Paths::default())?;
+        let traced = ReferenceWorld { foliar: vec![Some(Arc::new(model.clone()))], ..world };
+        let tracer = PathTracer::new(&traced, PathSettings::default())?;
         let aim = (camera.target - camera.eye).normalize();
         let times = 2000;
         for cut in [0.1, fsm::CUT, 0.001] {
@@ -170,7 +178,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
 /// The error of taking the viewer for the source. The radiance of a leaf under diffuse light on one side is compared
 /// with the share of light from the viewer that the leaf would reflect or let through. The two are equal for a
 /// reciprocal leaf.
-fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
+fn exchanged(leaf: &LayeredLeaf) -> Vec<BenchRow> {
     const NODES: usize = 24;
     const RAYS: u64 = 400_000;
     let nodes = mesophyll_base::quadrature::unit(NODES);
@@ -221,14 +229,14 @@ fn exchanged(leaf: &Leaf) -> Vec<BenchRow> {
 
 /// Total variation between the ABM's and the FSM's light on the goniometer's patches: half the sum of the differences,
 /// divided by the light that leaves.
-fn variations(model: &Foliar, leaf: &Leaf) -> Vec<BenchRow> {
+fn variations(model: &FoliarMaterial, leaf: &LayeredLeaf) -> Vec<BenchRow> {
     let mut rows = Vec::new();
     for side in [Side::Front, Side::Back] {
         for degrees in [15.0, 30.0, 45.0, 60.0, 75.0] {
             let at = f64::to_radians(degrees);
             let seen = walk::directions(leaf, side, at, 4_000_000, 1, &|| false);
             let total = (seen.counts.reflected + seen.counts.transmitted) as f64 / seen.counts.rays as f64;
-            let off = |foliar: &Foliar| -> f64 {
+            let off = |foliar: &FoliarMaterial| -> f64 {
                 let shares = foliar.patches(side, at, 1);
                 let differences = shares
                     .iter()

@@ -2,10 +2,10 @@
 //! conserved, and a closed form is met where one exists.
 
 use crate::stress::StressRow;
-use mesophyll_fits::foliar::surface::Setting;
-use mesophyll_fits::foliar::{Known, Model, Parameter, Reading};
-use mesophyll_optics::foliar::pigments::{Constants, Spectrum};
-use mesophyll_optics::foliar::{Leaf, Oblateness, Path, Response, exact, walk};
+use mesophyll_fits::foliar::surface::FoliarFitSetting;
+use mesophyll_fits::foliar::{FoliarFitConstants, FoliarFitModel, FoliarParameter, FoliarReading};
+use mesophyll_optics::foliar::pigments::{OpticalConstants, OpticalSpectrum};
+use mesophyll_optics::foliar::{LayeredLeaf, LeafResponse, MesophyllPath, Oblateness, exact, walk};
 use mesophyll_optics::side::Side;
 use std::time::Instant;
 
@@ -15,27 +15,27 @@ const INF: f64 = f64::INFINITY;
 /// T where they are known.
 struct Case {
     name: &'static str,
-    leaf: Leaf,
+    leaf: LayeredLeaf,
     side: Side,
     incidence: f64,
     rays: u64,
     known: Option<[f64; 2]>,
 }
 
-fn lobes(leaf: Leaf, epidermis: f64, palisade: f64, spongy: f64) -> Leaf {
-    Leaf { oblateness: Oblateness { epidermis, palisade, spongy, ..leaf.oblateness }, ..leaf }
+fn lobes(leaf: LayeredLeaf, epidermis: f64, palisade: f64, spongy: f64) -> LayeredLeaf {
+    LayeredLeaf { oblateness: Oblateness { epidermis, palisade, spongy, ..leaf.oblateness }, ..leaf }
 }
 
-fn indices(leaf: Leaf, n_cuticle: f64, n_mesophyll: f64, n_antidermal: f64) -> Leaf {
-    Leaf { n_cuticle, n_mesophyll, n_antidermal, ..leaf }
+fn indices(leaf: LayeredLeaf, n_cuticle: f64, n_mesophyll: f64, n_antidermal: f64) -> LayeredLeaf {
+    LayeredLeaf { n_cuticle, n_mesophyll, n_antidermal, ..leaf }
 }
 
 fn cases() -> Vec<Case> {
-    let soybean = Leaf::soybean;
+    let soybean = LayeredLeaf::soybean;
     let case = |name, leaf, side, incidence| Case { name, leaf, side, incidence, rays: 100_000, known: None };
     let (adaxial, abaxial) = (Side::Front, Side::Back);
     let black = |n: f64| indices(soybean(1e12), n, n, 1.42);
-    let surface = |leaf: &Leaf, at: f64| Some([leaf.surface_reflectance(at.to_radians()), 0.0]);
+    let surface = |leaf: &LayeredLeaf, at: f64| Some([leaf.surface_reflectance(at.to_radians()), 0.0]);
     let air = indices(soybean(0.0), 1.0, 1.0, 1.0);
     vec![
         case("absorption 0", soybean(0.0), adaxial, 0.0),
@@ -60,7 +60,7 @@ fn cases() -> Vec<Case> {
         case("oblateness 300", lobes(soybean(0.3), 300.0, 300.0, 300.0), adaxial, 40.0),
         case("oblateness infinite", lobes(soybean(0.3), INF, INF, INF), abaxial, 40.0),
         case("oblateness infinite in the epidermis", lobes(soybean(0.3), INF, 1.0, 5.0), adaxial, 40.0),
-        case("sieve and detour", Leaf { path: Path::Sieve, ..soybean(0.4) }, adaxial, 10.0),
+        case("sieve and detour", LayeredLeaf { path: MesophyllPath::Sieve, ..soybean(0.4) }, adaxial, 10.0),
         Case { rays: 1, ..case("one ray", soybean(0.3), adaxial, 10.0) },
         Case { rays: 1_000_000, ..case("1e6 rays", soybean(0.3), abaxial, 10.0) },
     ]
@@ -96,7 +96,7 @@ fn run(case: &Case) -> StressRow {
         return row(case.name, "ok", "wrong: the exact method does not settle".into(), None, clock);
     };
     let counts = walk::count(leaf, case.side, at, case.rays, 1, &|| false);
-    let Response { reflectance: r, transmittance: t } = found;
+    let LeafResponse { reflectance: r, transmittance: t } = found;
     let shares = [(counts.share(counts.reflected), r), (counts.share(counts.transmitted), t)];
     let far = shares.iter().map(|((share, error), want)| (share - want).abs() / error).fold(0.0, f64::max);
     let off = case.known.map(|[want_r, want_t]| (r - want_r).abs().max((t - want_t).abs()));
@@ -115,7 +115,8 @@ fn run(case: &Case) -> StressRow {
 /// Lobes that are some thousandths of a degree wide act like no lobes.
 fn narrow() -> StressRow {
     let clock = Instant::now();
-    let (leaf, straight) = (lobes(Leaf::soybean(0.3), 1e9, 1e9, 1e9), lobes(Leaf::soybean(0.3), INF, INF, INF));
+    let (leaf, straight) =
+        (lobes(LayeredLeaf::soybean(0.3), 1e9, 1e9, 1e9), lobes(LayeredLeaf::soybean(0.3), INF, INF, INF));
     let found = [leaf, straight].map(|leaf| exact::response(&leaf, Side::Front, 0.5));
     let [Some(found), Some(want)] = found else {
         return row("oblateness 1e9", "ok", "wrong: the exact method does not settle".into(), None, clock);
@@ -128,23 +129,24 @@ fn narrow() -> StressRow {
 /// A fit of pigments to readings that no leaf gives: blue and red are reflected, green is let through.
 fn no_such_leaf() -> StressRow {
     let clock = Instant::now();
-    let of = |chlorophyll: f64, carotenoid: f64| Constants {
+    let of = |chlorophyll: f64, carotenoid: f64| OpticalConstants {
         specific: [chlorophyll, carotenoid, 10.0, 4.4, 1e-3],
         indices: [1.5, 1.42, 1.41],
     };
     let points = vec![(450.0, of(4.7e4, 5.1e4)), (550.0, of(1.2e4, 6e3)), (650.0, of(2.9e4, 3e3))];
     let lights: Vec<(f64, Side)> = points.iter().map(|p| (p.0, Side::Front)).collect();
-    let setting = Setting { palisade: 1.0, spongy: 5.0, path: Path::Sieve, incidence: 8f64.to_radians() };
-    let asked = [Parameter::Chlorophyll, Parameter::Carotenoid, Parameter::Oblateness];
-    let known = Known { contents: [0.0; 5], oblateness: 5.0 };
+    let setting =
+        FoliarFitSetting { palisade: 1.0, spongy: 5.0, path: MesophyllPath::Sieve, incidence: 8f64.to_radians() };
+    let asked = [FoliarParameter::Chlorophyll, FoliarParameter::Carotenoid, FoliarParameter::Oblateness];
+    let known = FoliarFitConstants { contents: [0.0; 5], oblateness: 5.0 };
     let measured = [0.55, 0.03, 0.12, 0.45, 0.6, 0.12];
-    let reading = |(k, value)| Reading { light: k / 2, through: k % 2 == 1, value, err: f64::NAN };
-    let readings: Vec<Reading> = measured.into_iter().enumerate().map(reading).collect();
-    let verdict = match Model::new(&Spectrum { points }, &lights, setting, &asked, Some(5e-3)) {
+    let reading = |(k, value)| FoliarReading { light: k / 2, through: k % 2 == 1, value, err: f64::NAN };
+    let readings: Vec<FoliarReading> = measured.into_iter().enumerate().map(reading).collect();
+    let verdict = match FoliarFitModel::new(&OpticalSpectrum { points }, &lights, setting, &asked, Some(5e-3)) {
         Ok(model) => model.fit(&readings, &known).status.to_string(),
         Err(why) => why,
     };
-    let names = asked.map(Parameter::column).join(" ");
+    let names = asked.map(FoliarParameter::column).join(" ");
     let expected = format!("undetermined: {names} (the model does not describe this leaf");
     row("a leaf that cannot exist", &expected, verdict, None, clock)
 }
@@ -152,7 +154,7 @@ fn no_such_leaf() -> StressRow {
 /// Shares and errors of counts that exceed 32 bits.
 fn many() -> StressRow {
     let clock = Instant::now();
-    let counts = walk::Counts { rays: 10_000_000_000, reflected: 2_500_000_000, transmitted: 0, lost: 0 };
+    let counts = walk::RayCounts { rays: 10_000_000_000, reflected: 2_500_000_000, transmitted: 0, lost: 0 };
     let ((share, error), (none, of_none)) = (counts.share(counts.reflected), counts.share(0));
     let right = (share - 0.25).abs() < 1e-15 && (error * 1e5 / (0.1875f64).sqrt() - 1.0).abs() < 1e-6;
     let rest = none == 0.0 && (of_none * 1e10 - 1.0).abs() < 1e-3;

@@ -3,18 +3,18 @@
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
 use mesophyll_base::processor::InstructionSet;
-use mesophyll_fits::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
-use mesophyll_fits::gloss::{Device, TexelFitter, normal_of, normal_slopes};
+use mesophyll_fits::gloss::synthetic::{GaussianDeviates, GlossFitTruth, device, pass_x, trace};
+use mesophyll_fits::gloss::{GlossFitDevice, GlossTexelFitter, normal_of, normal_slopes};
 use mesophyll_optics::gloss::Lobe;
-use mesophyll_optics::tube::fast::{COLUMNS, Lit, Pass};
-use mesophyll_optics::tube::{Model, Precision, Travel};
+use mesophyll_optics::tube::evaluator::{COLUMNS, PassEvaluator, TubeGeometry};
+use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 
 /// Texels with slopes within `m` and tilts up to ±`tilt`.
-fn texels(count: usize, seed: u64, m: [f64; 2], tilt: f64) -> Vec<Truth> {
-    let mut noise = Noise::new(seed);
+fn texels(count: usize, seed: u64, m: [f64; 2], tilt: f64) -> Vec<GlossFitTruth> {
+    let mut noise = GaussianDeviates::new(seed);
     let mut draw = || {
         let rho_s = noise.uniform(0.01, 0.1);
-        Truth {
+        GlossFitTruth {
             rho_d: [noise.uniform(0.02, 0.3), noise.uniform(0.05, 0.4), noise.uniform(0.02, 0.2)],
             rho_s: [rho_s, 1.05 * rho_s, 0.95 * rho_s],
             m: noise.uniform(m[0], m[1]),
@@ -26,23 +26,23 @@ fn texels(count: usize, seed: u64, m: [f64; 2], tilt: f64) -> Vec<Truth> {
 
 /// Texels, the traces that the device records of them, and the results of fits.
 struct Set {
-    device: Device,
+    device: GlossFitDevice,
     positions: Vec<f64>,
-    truths: Vec<Truth>,
+    truths: Vec<GlossFitTruth>,
     traces: Vec<Vec<[f32; 3]>>,
 }
 
 impl Set {
-    fn new(lobe: Lobe, noise: f64, frames: usize, truths: Vec<Truth>) -> Set {
+    fn new(lobe: Lobe, noise: f64, frames: usize, truths: Vec<GlossFitTruth>) -> Set {
         let (device, positions) = (device(lobe, noise), pass_x(frames));
-        let mut noise = Noise::new(4);
+        let mut noise = GaussianDeviates::new(4);
         let traces =
             truths.iter().map(|t| trace(&device, Travel::X, &positions, [0.0; 2], t, Some(&mut noise))).collect();
         Set { device, positions, truths, traces }
     }
 
     /// Time of a texel (µs).
-    fn time(&self, fitter: &TexelFitter) -> f64 {
+    fn time(&self, fitter: &GlossTexelFitter) -> f64 {
         let mut ws = fitter.workspace();
         let all = || self.traces.iter().map(|trace| fitter.fit(&mut ws, [0.0; 2], trace, None).m).sum::<f64>();
         median_us(60.0, all) / self.traces.len() as f64
@@ -50,7 +50,7 @@ impl Set {
 
     /// Relative errors of m, ascending, and the number of failed fits: those that did not converge, or are off by more
     /// than six of their own errors.
-    fn errors(&self, fitter: &TexelFitter) -> (Vec<f64>, usize) {
+    fn errors(&self, fitter: &GlossTexelFitter) -> (Vec<f64>, usize) {
         let mut ws = fitter.workspace();
         let (mut errors, mut failed) = (Vec::new(), 0);
         for (t, trace) in self.truths.iter().zip(&self.traces) {
@@ -78,18 +78,18 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     let truths = texels(200, 3, [0.05, 0.5], 0.1);
     let set = Set::new(Lobe::Beckmann, 0.01, 100, truths.clone());
     for along in [2, 3, 4, 6, 8, 12, 16, 24] {
-        let fitter = TexelFitter::with_precision(
+        let fitter = GlossTexelFitter::with_precision(
             &set.device,
             &set.positions,
             None,
-            &Precision { along, ..Precision::default() },
+            &TubePrecision { along, ..TubePrecision::default() },
         );
         let note = "fit of an RGB texel, 100 frames; error: worst gloss trace of m .03-.7 over its peak";
         rows.push(row("quadrature nodes", along.to_string(), trace_error(along), set.time(&fitter), note.into()));
     }
     for frames in [25, 50, 100, 200, 400] {
         let set = Set::new(Lobe::Beckmann, 0.01, frames, truths.clone());
-        let fitter = TexelFitter::new(&set.device, &set.positions, None);
+        let fitter = GlossTexelFitter::new(&set.device, &set.positions, None);
         let (errors, failed) = set.errors(&fitter);
         let note = format!("fit of an RGB texel; error: median of m, noise 1 %, {failed} of {} failed", errors.len());
         rows.push(row("frames used", frames.to_string(), errors[errors.len() / 2], set.time(&fitter), note));
@@ -97,9 +97,9 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     for lobe in Lobe::all(1.45) {
         // With F·G in the model, ρs is larger by about the factor by which F is small.
         let scale = if lobe.index().is_some() { 15.0 } else { 1.0 };
-        let truths = truths.iter().map(|t| Truth { rho_s: t.rho_s.map(|r| r * scale), ..*t }).collect();
+        let truths = truths.iter().map(|t| GlossFitTruth { rho_s: t.rho_s.map(|r| r * scale), ..*t }).collect();
         let set = Set::new(lobe, 0.01, 100, truths);
-        let fitter = TexelFitter::new(&set.device, &set.positions, None);
+        let fitter = GlossTexelFitter::new(&set.device, &set.positions, None);
         let (errors, failed) = set.errors(&fitter);
         let note = format!(
             "fit of an RGB texel, 100 frames; error: median of m, noise 1 %, {failed} of {} failed",
@@ -110,7 +110,8 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     // The hard set: here the descent does not make up for a poor start.
     let hard = Set::new(Lobe::Beckmann, 0.02, 100, texels(300, 6, [0.03, 0.9], 0.1745));
     for fineness in [0.15, 0.25, 0.4, 0.6, 1.0, 1.6, 2.5] {
-        let fitter = TexelFitter::with_bank(&hard.device, &hard.positions, None, &Precision::default(), fineness);
+        let fitter =
+            GlossTexelFitter::with_bank(&hard.device, &hard.positions, None, &TubePrecision::default(), fineness);
         let (errors, failed) = hard.errors(&fitter);
         let note = format!(
             "templates; error: 90th percentile of m, noise 2 %, m .03-.9, tilt 10 degrees, {failed} of {} failed",
@@ -130,9 +131,9 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
 /// Worst error of S relative to its peak for m from .03 to .7, compared with many nodes.
 fn trace_error(along: usize) -> f64 {
     let (device, positions) = (device(Lobe::Beckmann, 0.01), pass_x(100));
-    let fine = Model::new(device.tube(), device.camera, device.lobe, &Precision::fine());
-    let pass = Pass::new(&fine, Travel::X, &positions, along, InstructionSet::detect());
-    let (mut lit, mut columns) = (Lit::default(), vec![vec![0.0; pass.padded()]; COLUMNS]);
+    let fine = TubeModel::new(device.tube(), device.camera, device.lobe, &TubePrecision::fine());
+    let pass = PassEvaluator::new(&fine, Travel::X, &positions, along, InstructionSet::detect());
+    let (mut lit, mut columns) = (TubeGeometry::default(), vec![vec![0.0; pass.padded()]; COLUMNS]);
     let mut worst = 0.0f64;
     for (m, tilt) in [(0.03, 0.0), (0.07, 0.1), (0.15, -0.1), (0.3, 0.05), (0.5, -0.05), (0.7, 0.0)] {
         pass.light([0.0; 2], &mut lit);

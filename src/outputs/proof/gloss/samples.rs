@@ -3,8 +3,8 @@
 
 use crate::stress::StressRow;
 use mesophyll_fits::gloss::normal_of;
-use mesophyll_fits::gloss::samples::{Sample, Settings, Surface, answer};
-use mesophyll_fits::gloss::synthetic::Noise;
+use mesophyll_fits::gloss::samples::{GlossFitSettings, GlossSample, LobeChoice, answer};
+use mesophyll_fits::gloss::synthetic::GaussianDeviates;
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use std::f64::consts::PI;
 
@@ -18,10 +18,10 @@ struct Case {
     lobe: Lobe,
     rho_s: f64,
     tilt: [f64; 2],
-    settings: Settings,
+    settings: GlossFitSettings,
     /// Views at these azimuths (degrees).
     azimuths: Vec<f64>,
-    spoil: fn(&mut Vec<Sample>),
+    spoil: fn(&mut Vec<GlossSample>),
 }
 
 impl Default for Case {
@@ -32,7 +32,7 @@ impl Default for Case {
             lobe: Lobe::Beckmann,
             rho_s: 0.05,
             tilt: [0.04, -0.03],
-            settings: Settings { surface: Surface::Of(LobeKind::Beckmann), ..Settings::default() },
+            settings: GlossFitSettings { surface: LobeChoice::Of(LobeKind::Beckmann), ..GlossFitSettings::default() },
             azimuths: (0..8).map(|k| 45.0 * f64::from(k)).collect(),
             spoil: |_| {},
         }
@@ -40,7 +40,7 @@ impl Default for Case {
 }
 
 fn cases() -> Vec<Case> {
-    let auto = || Settings { surface: Surface::Auto, ..Settings::default() };
+    let auto = || GlossFitSettings { surface: LobeChoice::Auto, ..GlossFitSettings::default() };
     vec![
         Case { name: "goniometer, the right lobe", ..Case::default() },
         Case {
@@ -97,7 +97,7 @@ pub(super) fn rows() -> Vec<StressRow> {
 
 fn run(case: &Case) -> StressRow {
     let dir = |[t, p]: [f64; 2]| [t.sin() * p.cos(), t.sin() * p.sin(), t.cos()];
-    let mut noise = Noise::new(5);
+    let mut noise = GaussianDeviates::new(5);
     let normal = normal_of(case.tilt);
     let mut samples = Vec::new();
     for source in [20f64, 40.0, 60.0] {
@@ -110,7 +110,7 @@ fn run(case: &Case) -> StressRow {
                     let value = rho + gloss;
                     value + (0.005 * value).hypot(2e-4) * noise.normal()
                 });
-                samples.push(Sample::between(source, view, values.to_vec()));
+                samples.push(GlossSample::between(source, view, values.to_vec()));
             }
         }
     }

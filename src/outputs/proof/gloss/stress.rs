@@ -1,12 +1,12 @@
 //! Stiff and extreme gloss traces, each with the verdict that it must get.
 
 use crate::stress::StressRow;
-use mesophyll_fits::gloss::synthetic::{Noise, Truth, device, pass_x, trace};
-use mesophyll_fits::gloss::{Device, TexelFit, TexelFitter};
+use mesophyll_fits::gloss::synthetic::{GaussianDeviates, GlossFitTruth, device, pass_x, trace};
+use mesophyll_fits::gloss::{GlossFitDevice, GlossTexelFit, GlossTexelFitter};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;
 
-const COMMON: Truth = Truth { rho_d: [0.08, 0.15, 0.05], rho_s: [0.05; 3], m: 0.2, tilt: [0.05, 0.0] };
+const COMMON: GlossFitTruth = GlossFitTruth { rho_d: [0.08, 0.15, 0.05], rho_s: [0.05; 3], m: 0.2, tilt: [0.05, 0.0] };
 const COOK_TORRANCE: Lobe = Lobe::CookTorrance { index: 1.45 };
 const NOT_EXPLAINED: &str = "(residuals exceed the noise)";
 
@@ -14,7 +14,7 @@ const NOT_EXPLAINED: &str = "(residuals exceed the noise)";
 struct Case {
     name: &'static str,
     expected: String,
-    truth: Truth,
+    truth: GlossFitTruth,
     noise: f64,
     /// Whether values are exact except for single precision; the stated noise is then that of the quadrature.
     exact: bool,
@@ -46,33 +46,33 @@ impl Default for Case {
 fn cases() -> Vec<Case> {
     let all = "rho_d_r rho_d_g rho_d_b rho_s_r rho_s_g rho_s_b m tilt";
     vec![
-        Case { name: "m = 0.01", truth: Truth { m: 0.01, ..COMMON }, ..Case::default() },
+        Case { name: "m = 0.01", truth: GlossFitTruth { m: 0.01, ..COMMON }, ..Case::default() },
         Case {
             name: "m = 0.9, strong gloss",
-            truth: Truth { m: 0.9, rho_d: [0.02, 0.05, 0.02], rho_s: [0.2; 3], ..COMMON },
+            truth: GlossFitTruth { m: 0.9, rho_d: [0.02, 0.05, 0.02], rho_s: [0.2; 3], ..COMMON },
             noise: 0.002,
             ..Case::default()
         },
         Case {
             name: "m = 0.9, weak gloss",
-            truth: Truth { m: 0.9, rho_d: [0.3, 0.4, 0.3], rho_s: [0.005; 3], ..COMMON },
+            truth: GlossFitTruth { m: 0.9, rho_d: [0.3, 0.4, 0.3], rho_s: [0.005; 3], ..COMMON },
             expected: "undetermined: rho_s_r rho_s_g rho_s_b m".into(),
             ..Case::default()
         },
         Case {
             name: "rho_s = 0",
-            truth: Truth { rho_s: [0.0; 3], ..COMMON },
+            truth: GlossFitTruth { rho_s: [0.0; 3], ..COMMON },
             expected: "undetermined: rho_s_r rho_s_g rho_s_b m".into(),
             ..Case::default()
         },
         Case {
             name: "tube at grazing: mirror peak beyond its travel",
-            truth: Truth { tilt: [-0.2, 0.0], ..COMMON },
+            truth: GlossFitTruth { tilt: [-0.2, 0.0], ..COMMON },
             ..Case::default()
         },
         Case {
             name: "lobe narrower than a frame",
-            truth: Truth { m: 0.006, ..COMMON },
+            truth: GlossFitTruth { m: 0.006, ..COMMON },
             thin: true,
             expected: "undetermined: m (lobe narrower than two frames)".into(),
             ..Case::default()
@@ -88,7 +88,7 @@ fn cases() -> Vec<Case> {
         },
         Case {
             name: "one channel black",
-            truth: Truth { rho_d: [0.08, 0.15, 0.0], ..COMMON },
+            truth: GlossFitTruth { rho_d: [0.08, 0.15, 0.0], ..COMMON },
             expected: "undetermined: rho_d_b".into(),
             ..Case::default()
         },
@@ -105,29 +105,29 @@ fn cases() -> Vec<Case> {
             ..Case::default()
         },
         Case { name: "values of single precision, no noise", noise: 3e-5, exact: true, ..Case::default() },
-        Case { name: "m = 0.01, ggx", truth: Truth { m: 0.01, ..COMMON }, lobe: Lobe::Ggx, ..Case::default() },
+        Case { name: "m = 0.01, ggx", truth: GlossFitTruth { m: 0.01, ..COMMON }, lobe: Lobe::Ggx, ..Case::default() },
         Case {
             name: "m = 0.9, strong gloss, ggx",
-            truth: Truth { m: 0.9, rho_d: [0.02, 0.05, 0.02], rho_s: [0.2; 3], ..COMMON },
+            truth: GlossFitTruth { m: 0.9, rho_d: [0.02, 0.05, 0.02], rho_s: [0.2; 3], ..COMMON },
             noise: 0.002,
             lobe: Lobe::Ggx,
             ..Case::default()
         },
         Case {
             name: "m = 0.02, cook-torrance",
-            truth: Truth { m: 0.02, rho_s: [1.0; 3], ..COMMON },
+            truth: GlossFitTruth { m: 0.02, rho_s: [1.0; 3], ..COMMON },
             lobe: COOK_TORRANCE,
             ..Case::default()
         },
         Case {
             name: "m = 0.4, cook-torrance",
-            truth: Truth { m: 0.4, rho_s: [1.0; 3], ..COMMON },
+            truth: GlossFitTruth { m: 0.4, rho_s: [1.0; 3], ..COMMON },
             lobe: COOK_TORRANCE,
             ..Case::default()
         },
         Case {
             name: "m = 0.4, ggx-fresnel",
-            truth: Truth { m: 0.4, rho_s: [1.0; 3], ..COMMON },
+            truth: GlossFitTruth { m: 0.4, rho_s: [1.0; 3], ..COMMON },
             lobe: Lobe::GgxFresnel { index: 1.45 },
             ..Case::default()
         },
@@ -143,7 +143,7 @@ fn cases() -> Vec<Case> {
         Case {
             name: "camera straight above, broad lobe",
             camera_deg: 0.0,
-            truth: Truth { m: 0.5, ..COMMON },
+            truth: GlossFitTruth { m: 0.5, ..COMMON },
             expected: format!("undetermined: {}", all.trim_end_matches(" tilt")),
             ..Case::default()
         },
@@ -180,7 +180,7 @@ pub fn rows() -> Vec<StressRow> {
 }
 
 fn run(case: &Case) -> StressRow {
-    let mut device: Device = device(case.lobe, case.noise);
+    let mut device: GlossFitDevice = device(case.lobe, case.noise);
     let camera = case.camera_deg.to_radians();
     device.camera = [camera.sin(), 0.0, camera.cos()];
     if case.exact {
@@ -190,11 +190,17 @@ fn run(case: &Case) -> StressRow {
         device.radius_mm = 0.0;
     }
     let positions = pass_x(100);
-    let mut samples =
-        trace(&device, Travel::X, &positions, [0.0; 2], &case.truth, (!case.exact).then_some(&mut Noise::new(11)));
+    let mut samples = trace(
+        &device,
+        Travel::X,
+        &positions,
+        [0.0; 2],
+        &case.truth,
+        (!case.exact).then_some(&mut GaussianDeviates::new(11)),
+    );
     (case.spoil)(&mut samples);
     device.lobe = case.fitted.unwrap_or(case.lobe);
-    let fitter = TexelFitter::new(&device, &positions, None);
+    let fitter = GlossTexelFitter::new(&device, &positions, None);
     let mut ws = fitter.workspace();
     // The fit runs once to build the templates, and once to be timed.
     fitter.fit(&mut ws, [0.0; 2], &samples, None);
@@ -216,7 +222,7 @@ fn run(case: &Case) -> StressRow {
 }
 
 /// Correct digits of the worst parameter that the fit claims to know (a tilt: of the angle over 0.35).
-fn digits(fit: &TexelFit, truth: &Truth) -> Option<f64> {
+fn digits(fit: &GlossTexelFit, truth: &GlossFitTruth) -> Option<f64> {
     let unknown = fit.undetermined.names(3);
     let known = |name: &str| !unknown.contains(&name);
     let mut worst: Option<f64> = None;

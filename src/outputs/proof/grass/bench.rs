@@ -4,12 +4,12 @@
 use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
 use glam::DVec3;
-use mesophyll_files::progress::Bar;
-use mesophyll_fits::grass::blades::Meadow;
-use mesophyll_fits::grass::judge::{self, Judged, Look, Rays, towards};
-use mesophyll_fits::grass::march::Slices;
-use mesophyll_fits::grass::{Options, baked, folder::Errors, optics, weights};
-use mesophyll_plants::grow::meadow;
+use mesophyll_files::progress::TaskProgress;
+use mesophyll_fits::grass::blades::LawnMeadow;
+use mesophyll_fits::grass::judge::{self, LawnAppearance, LawnComparison, LawnRays, towards};
+use mesophyll_fits::grass::march::LawnSlices;
+use mesophyll_fits::grass::{Options, baked, folder::LawnErrors, optics, weights};
+use mesophyll_plants::growth::meadow;
 use std::path::Path;
 
 /// The lawn, which is compiled into the program.
@@ -24,11 +24,11 @@ pub const PIECES: u64 = TRIED.len() as u64;
 ///
 /// # Errors
 /// A stop that was asked for.
-pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let path = Path::new("data/grass/lawn.toml");
-    let description: meadow::Meadow = LAWN.parse().map_err(|e| Error::toml(path, LAWN, &e))?;
-    let meadow = Meadow::new(path, &description.grow(None), &optics::read(None)?)?;
-    let rays = Rays { side: 48, level: 0.0, sunlit: false };
+    let description: meadow::MeadowSpec = LAWN.parse().map_err(|e| Error::toml(path, LAWN, &e))?;
+    let meadow = LawnMeadow::new(path, &description.grow(None), &optics::read(None)?)?;
+    let rays = LawnRays { side: 48, level: 0.0, sunlit: false };
     let truth = judge::blades(&meadow, rays);
     let mut rows = Vec::new();
     for (count, texels) in TRIED {
@@ -36,17 +36,17 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
         let mut slices = baked(&meadow, &options);
         let [w, h] = texels;
         if (count, texels) == TRIED[2] {
-            let plain = Slices { weighted: false, ..slices.clone() };
+            let plain = LawnSlices { weighted: false, ..slices.clone() };
             rows.push(row(&plain, &truth, rays, "weights", "none"));
             rows.push(row(&slices, &truth, rays, "weights", "by the blades' projection"));
         }
         weights::fit(&meadow, &mut slices, rays.side)?;
         rows.push(row(&slices, &truth, rays, "slices, texels", &format!("{count}, {w}x{h}")));
         if (count, texels) == TRIED[2] {
-            let upright = Slices { level: None, ..slices.clone() };
+            let upright = LawnSlices { level: None, ..slices.clone() };
             rows.push(row(&upright, &truth, rays, "level slice", "none"));
             for level in 1..slices.upright.levels.len() {
-                let rays = Rays { level: level as f64, ..rays };
+                let rays = LawnRays { level: level as f64, ..rays };
                 rows.push(row(&slices, &truth, rays, "level of the sheets", &level.to_string()));
             }
         }
@@ -55,9 +55,9 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-fn row(slices: &Slices, truth: &[Look], rays: Rays, knob: &str, setting: &str) -> BenchRow {
-    let judged: Vec<Judged> = judge::judged(slices, truth, rays);
-    let errors = Errors::of(&judged);
+fn row(slices: &LawnSlices, truth: &[LawnAppearance], rays: LawnRays, knob: &str, setting: &str) -> BenchRow {
+    let judged: Vec<LawnComparison> = judge::judged(slices, truth, rays);
+    let errors = LawnErrors::of(&judged);
     let d = -towards(30.0, 20.0);
     let origin = |k: usize| DVec3::new(0.37 * k as f64, 0.23 * k as f64, slices.height);
     let gather = || (0..1000).map(|k| slices.march(origin(k), d, usize::MAX, rays.level, |_, _| [0.0; 3]).opacity);

@@ -3,34 +3,34 @@
 use crate::stress::StressRow;
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_fits::grass::blades::{Meadow, STEPS};
+use mesophyll_fits::grass::blades::{LawnMeadow, STEPS};
 use mesophyll_fits::grass::hill::Hill;
-use mesophyll_fits::grass::judge::{Rays, coverage_of_blades, coverage_of_slices, towards};
-use mesophyll_fits::grass::march::{Slices, unleant};
-use mesophyll_fits::grass::sheet::{CHANNELS, Edges, Sheet};
+use mesophyll_fits::grass::judge::{LawnRays, coverage_of_blades, coverage_of_slices, towards};
+use mesophyll_fits::grass::march::{LawnSlices, unleant};
+use mesophyll_fits::grass::sheet::{CHANNELS, CellEdges, SliceAtlas};
 use mesophyll_fits::grass::{Options, baked, optics, weights};
-use mesophyll_plants::grow::meadow;
+use mesophyll_plants::growth::meadow;
 use std::path::Path;
 use std::time::Instant;
 
 /// A lawn on a small square, with this many blades a square metre.
-fn lawn(per_m2: f64, size_mm: [f64; 2]) -> Result<Meadow, String> {
+fn lawn(per_m2: f64, size_mm: [f64; 2]) -> Result<LawnMeadow, String> {
     lawn_with(per_m2, size_mm, |_| ())
 }
 
 /// The same, with blades that were changed.
-fn lawn_with(per_m2: f64, size_mm: [f64; 2], change: impl Fn(&mut LeafMesh)) -> Result<Meadow, String> {
+fn lawn_with(per_m2: f64, size_mm: [f64; 2], change: impl Fn(&mut LeafMesh)) -> Result<LawnMeadow, String> {
     let text = include_str!("../../../../data/grass/lawn.toml");
-    let mut described: meadow::Meadow = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
+    let mut described: meadow::MeadowSpec = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
     described.size_mm = size_mm;
     described.swards.iter_mut().for_each(|sward| sward.per_m2 = per_m2);
     let leaves = optics::read(None).map_err(|e| e.to_string())?;
     let mut grown = described.grow(None);
     grown.blades.iter_mut().for_each(|blade| change(&mut blade.mesh));
-    Meadow::new(Path::new("lawn.toml"), &grown, &leaves).map_err(|e| e.to_string())
+    LawnMeadow::new(Path::new("lawn.toml"), &grown, &leaves).map_err(|e| e.to_string())
 }
 
-fn small(slices: usize) -> Result<(Meadow, Slices), String> {
+fn small(slices: usize) -> Result<(LawnMeadow, LawnSlices), String> {
     let meadow = lawn(21_000.0, [100.0, 100.0])?;
     let options = Options { slices, texels: [64, 32], rays: 2, ..Options::default() };
     let slices = baked(&meadow, &options);
@@ -38,18 +38,18 @@ fn small(slices: usize) -> Result<(Meadow, Slices), String> {
 }
 
 /// The same slices with one opacity everywhere.
-fn even(opacity: f32) -> Result<Slices, String> {
+fn even(opacity: f32) -> Result<LawnSlices, String> {
     let (_, slices) = small(8)?;
     let mut texel = [0.0; CHANNELS];
     texel[0] = opacity;
-    let upright = Sheet::new([64, 32], 16, Edges::Level, |_, _, _| texel);
-    let level = Some(Sheet::new([64, 64], 1, Edges::Level, |_, _, _| texel));
-    let cover = Slices::covers(&upright, level.as_ref());
-    Ok(Slices { upright, level, cover, ..slices })
+    let upright = SliceAtlas::new([64, 32], 16, CellEdges::Level, |_, _, _| texel);
+    let level = Some(SliceAtlas::new([64, 64], 1, CellEdges::Level, |_, _, _| texel));
+    let cover = LawnSlices::covers(&upright, level.as_ref());
+    Ok(LawnSlices { upright, level, cover, ..slices })
 }
 
 /// Opacity along a ray; an error where it is not between 0 and 1.
-fn opacity(slices: &Slices, origin: DVec3, d: DVec3, steps: usize) -> Result<f64, String> {
+fn opacity(slices: &LawnSlices, origin: DVec3, d: DVec3, steps: usize) -> Result<f64, String> {
     let found = slices.march(origin, d, steps, 0.0, |_, texel| [texel[1], texel[2], texel[3]]);
     let share = |v: f64| (0.0..=1.0 + 1e-12).contains(&v);
     if !share(found.opacity) || !found.colour.iter().all(|c| share(*c)) || found.steps > steps {
@@ -80,7 +80,7 @@ fn row(case: &str, expected: &str, of: impl FnOnce() -> Result<[f64; 3], String>
 }
 
 /// A hill as steep as a scene may have it, with a slope of 0.6 at 300 mm to each side of its top.
-fn steep(slices: &Slices) -> Hill {
+fn steep(slices: &LawnSlices) -> Hill {
     let radius = 300.0;
     Hill { middle: 0.1 * DVec2::from(slices.period), height: 0.6 * 0.5f64.exp() * radius, radius }
 }
@@ -91,11 +91,11 @@ fn steep(slices: &Slices) -> Hill {
 fn sunny(azimuth_deg: f64) -> Result<[f64; 3], String> {
     let opacity = 0.5;
     let even = even(opacity)?;
-    let upright = Sheet::new([64, 32], 16, Edges::Level, |_, _, _| [0.0; CHANNELS]);
-    let cover = Slices::covers(&upright, even.level.as_ref());
+    let upright = SliceAtlas::new([64, 32], 16, CellEdges::Level, |_, _, _| [0.0; CHANNELS]);
+    let cover = LawnSlices::covers(&upright, even.level.as_ref());
     let projection = std::array::from_fn(|k| 0.4 - 0.2 * k as f64 / STEPS as f64);
     // The level slice shows more than the blades, so that a share of it is enough in every direction.
-    let slices = Slices { upright, cover, projection, shown: [0.0, 1.0], ..even };
+    let slices = LawnSlices { upright, cover, projection, shown: [0.0, 1.0], ..even };
     let hill = steep(&slices);
     let (at, sun) = (hill.middle + DVec2::new(hill.radius, 0.0), towards(45.0, azimuth_deg));
     let depth = -f64::from(1.0 - opacity).ln() * (0.4 - 0.2 * sun.z) / (sun.z + 0.6 * sun.x);
@@ -104,7 +104,7 @@ fn sunny(azimuth_deg: f64) -> Result<[f64; 3], String> {
 
 /// The rows of `mesophyll stress grass`.
 pub fn rows() -> Vec<StressRow> {
-    let middle = |s: &Slices| DVec3::new(7.0, -11.0, 0.5 * s.height);
+    let middle = |s: &LawnSlices| DVec3::new(7.0, -11.0, 0.5 * s.height);
     vec![
         row("level, along the slices across y: 1,000 slices", "ok", || {
             let (_, s) = small(8)?;
@@ -141,7 +141,7 @@ pub fn rows() -> Vec<StressRow> {
         row("one slice a direction", "ok", || {
             let (meadow, mut s) = small(1)?;
             weights::fit(&meadow, &mut s, 16).map_err(|e| e.to_string())?;
-            let rays = Rays { side: 32, level: 0.0, sunlit: false };
+            let rays = LawnRays { side: 32, level: 0.0, sunlit: false };
             let of = |e: f64| {
                 [coverage_of_slices(&s, rays, towards(e, 37.0)), coverage_of_blades(&meadow, rays, towards(e, 37.0))]
             };
@@ -158,12 +158,12 @@ pub fn rows() -> Vec<StressRow> {
         row("a hundred times as many blades", "ok", || {
             let meadow = lawn(2_100_000.0, [20.0, 20.0])?;
             let s = baked(&meadow, &Options { slices: 8, texels: [64, 32], rays: 1, ..Options::default() });
-            let rays = Rays { side: 16, level: 0.0, sunlit: false };
+            let rays = LawnRays { side: 16, level: 0.0, sunlit: false };
             let to = towards(60.0, 20.0);
             Ok([coverage_of_slices(&s, rays, to), coverage_of_blades(&meadow, rays, to), 0.05])
         }),
         row("blades whose texture coordinates lie at one point, without tangents: as with them", "ok", || {
-            let of = |meadow: Meadow| {
+            let of = |meadow: LawnMeadow| {
                 let s = baked(&meadow, &Options { slices: 8, texels: [64, 32], rays: 2, ..Options::default() });
                 opacity(&s, DVec3::new(3.0, 4.0, s.height), -towards(70.0, 31.0), 1000)
             };
@@ -177,7 +177,7 @@ pub fn rows() -> Vec<StressRow> {
             let meadow = lawn(100.0, [100.0, 100.0])?;
             let mut s = baked(&meadow, &Options { slices: 8, texels: [64, 32], rays: 4, ..Options::default() });
             weights::fit(&meadow, &mut s, 32).map_err(|e| e.to_string())?;
-            let rays = Rays { side: 128, level: 0.0, sunlit: false };
+            let rays = LawnRays { side: 128, level: 0.0, sunlit: false };
             let to = towards(5.0, 20.0);
             let right = coverage_of_blades(&meadow, rays, to);
             Ok([coverage_of_slices(&s, rays, to), right, 0.25 * right])
@@ -197,8 +197,8 @@ pub fn rows() -> Vec<StressRow> {
         }),
         row("irregular, straight down: every rectangle covers what the meadow covers", "ok", || {
             let (_, s) = small(8)?;
-            let moved = Slices { irregular: Some(7), ..s.clone() };
-            let mean = |s: &Slices, at: [f64; 2]| -> Result<f64, String> {
+            let moved = LawnSlices { irregular: Some(7), ..s.clone() };
+            let mean = |s: &LawnSlices, at: [f64; 2]| -> Result<f64, String> {
                 let n = 64;
                 let one = |k: usize| {
                     let axis = |k: usize, a: usize| (at[a] + (k as f64 + 0.5) / n as f64 - 0.5) * s.period[a];
@@ -215,12 +215,12 @@ pub fn rows() -> Vec<StressRow> {
             Ok([worst, right, 1e-6])
         }),
         row("irregular, 3,000 million rectangles away: opacity stays a share", "ok", || {
-            let s = Slices { irregular: Some(u32::MAX), ..small(8)?.1 };
+            let s = LawnSlices { irregular: Some(u32::MAX), ..small(8)?.1 };
             let far = DVec3::new(-3e9 * s.period[0], 3e9 * s.period[1], s.height);
             Ok([opacity(&s, far, -towards(30.0, 20.0), 1000)?, 0.5, 0.5])
         }),
         row("irregular, level along the seam of two rectangles: 1,000 slices", "ok", || {
-            let s = Slices { irregular: Some(7), ..small(8)?.1 };
+            let s = LawnSlices { irregular: Some(7), ..small(8)?.1 };
             let seam = DVec3::new(3.0, 0.5 * s.period[1], 0.3 * s.height);
             Ok([opacity(&s, seam, DVec3::X, 1000)?, 1.0, 1e-3])
         }),

@@ -11,12 +11,12 @@ use crate::{Error, Result};
 use mesophyll_files::image::{Packing, read_exr, write_exr};
 use mesophyll_fits::leaf::{self, Options};
 use mesophyll_fits::record::FitRecord;
-use mesophyll_fits::record::maker::Outcome;
+use mesophyll_fits::record::maker::FitOutcome;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
-use mesophyll_synth::leaf::Leaf;
+use mesophyll_synth::leaf::SyntheticLeaf;
 use mesophyll_synth::scan;
-use mesophyll_synth::spec::{Interior, Model, Spec, Surface};
+use mesophyll_synth::spec::{InteriorModel, InteriorSpec, LeafSpec, SurfaceSpec};
 use std::path::Path;
 use std::time::Instant;
 
@@ -31,7 +31,7 @@ struct Case {
     frames: usize,
     noise: f64,
     passes: Vec<Travel>,
-    leaf: fn(&mut Spec),
+    leaf: fn(&mut LeafSpec),
     spoil: fn(&Path) -> Result<()>,
     /// Whether the damaged scan still shows the leaf that it was made from.
     true_to_leaf: bool,
@@ -53,7 +53,7 @@ impl Default for Case {
     }
 }
 
-fn both_sides(spec: &mut Spec, change: impl Fn(&mut Surface)) {
+fn both_sides(spec: &mut LeafSpec, change: impl Fn(&mut SurfaceSpec)) {
     change(&mut spec.front);
     change(&mut spec.back);
 }
@@ -94,20 +94,20 @@ fn cases() -> Vec<Case> {
         Case { name: "clipped peak", spoil: clipped, ..Case::default() },
         Case {
             name: "one channel black: transmits nothing of blue",
-            leaf: |s| s.interior = Interior { sigma_a: [9.0, 2.6, 120.0], sigma_s: [18.0, 16.0, 60.0] },
+            leaf: |s| s.interior = InteriorSpec { sigma_a: [9.0, 2.6, 120.0], sigma_s: [18.0, 16.0, 60.0] },
             expected: "undetermined: sigma_a.B sigma_s.B",
             ..Case::default()
         },
         Case {
             name: "black leaf: transmits nothing at all",
-            leaf: |s| s.interior = Interior { sigma_a: [150.0; 3], sigma_s: [40.0; 3] },
+            leaf: |s| s.interior = InteriorSpec { sigma_a: [150.0; 3], sigma_s: [40.0; 3] },
             expected: "refused: front: no texel",
             ..Case::default()
         },
         Case {
             name: "white leaf: 1-omega 1e-7",
             leaf: |s| {
-                s.interior = Interior { sigma_a: [1.5e-6; 3], sigma_s: [15.0; 3] };
+                s.interior = InteriorSpec { sigma_a: [1.5e-6; 3], sigma_s: [15.0; 3] };
                 // A γ above 1 would be more light than arrives.
                 both_sides(s, |f| (f.gamma_veins, f.gamma_lamina) = ([0.0; 3], 0.0));
             },
@@ -116,7 +116,7 @@ fn cases() -> Vec<Case> {
         },
         Case {
             name: "weak scatterer: omega 1e-4",
-            leaf: |s| s.interior = Interior { sigma_a: [8.0; 3], sigma_s: [8e-4; 3] },
+            leaf: |s| s.interior = InteriorSpec { sigma_a: [8.0; 3], sigma_s: [8e-4; 3] },
             expected: "undetermined: sigma_s.R sigma_s.G sigma_s.B",
             ..Case::default()
         },
@@ -160,12 +160,12 @@ pub fn rows() -> Result<Vec<StressRow>> {
 fn run(case: &Case) -> Result<StressRow> {
     let folder = tempfile::tempdir().map_err(|e| Error::write(&std::env::temp_dir(), e))?;
     let capture = folder.path().join("scan");
-    let mut spec: Spec = LEAF.parse().map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
+    let mut spec: LeafSpec = LEAF.parse().map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
     // Texels of three millimetres show no fine veins, and growing them would take longer than everything else.
     (spec.veins.tertiary_mm, spec.veins.areole_mm) = (0.0, 0.0);
     (case.leaf)(&mut spec);
     let [width, height] = case.size;
-    let leaf = Leaf::grow(&spec, Model::Exact, width, height)
+    let leaf = SyntheticLeaf::grow(&spec, InteriorModel::Exact, width, height)
         .ok_or_else(|| Error::Missed(format!("{}: no texel on the leaf", case.name)))?;
     let options = scan::Options {
         width,
@@ -174,7 +174,7 @@ fn run(case: &Case) -> Result<StressRow> {
         passes: case.passes.clone(),
         noise: case.noise,
         seed: 3,
-        model: Model::Exact,
+        model: InteriorModel::Exact,
         raw_exposures: false,
     };
     scan::scan(&spec, &leaf, &options, &capture)?;
@@ -183,8 +183,8 @@ fn run(case: &Case) -> Result<StressRow> {
     let outcome = leaf::run(&capture, &folder.path().join("fit"), &Options::default());
     let ms = clock.elapsed().as_secs_f64() * 1e3;
     let (verdict, digits, condition) = match outcome {
-        Ok(Outcome::Done(record) | Outcome::UpToDate(record)) => judge(&record, case, &spec),
-        Ok(Outcome::ShardDone { .. }) => ("wrong: a shard of one is not the whole".to_string(), None, None),
+        Ok(FitOutcome::Done(record) | FitOutcome::UpToDate(record)) => judge(&record, case, &spec),
+        Ok(FitOutcome::ShardDone { .. }) => ("wrong: a shard of one is not the whole".to_string(), None, None),
         // The folder is temporary: only its last part belongs to the case.
         Err(e) => (format!("refused: {}", name_of(&e.to_string())), None, None),
     };
@@ -207,7 +207,7 @@ fn name_of(message: &str) -> String {
 }
 
 /// The verdict over both sides, correct digits of the worst shared parameter that is claimed, and the condition number.
-fn judge(record: &FitRecord, case: &Case, spec: &Spec) -> (String, Option<f64>, Option<f64>) {
+fn judge(record: &FitRecord, case: &Case, spec: &LeafSpec) -> (String, Option<f64>, Option<f64>) {
     let mut open: Vec<String> = Vec::new();
     let (mut worst, mut condition, mut wrong) = (None::<f64>, None::<f64>, None);
     for side in [Side::Front, Side::Back] {

@@ -1,11 +1,11 @@
 //! Error against run time for the solver's own knobs, on the 54 NIST runs.
 
 use super::loops;
-use super::table::{Outcome, SOLVED, solve_all};
+use super::table::{NistOutcome, SOLVED, solve_all};
 use crate::Result;
 use crate::bench::BenchRow;
 use crate::precise::refined;
-use mesophyll_base::solve::{Options, Problem, global, lm};
+use mesophyll_base::solvers::{Options, Problem, lm, multi_start};
 
 /// Rows for every knob of the solver: iterations, cost tolerance, first trust radius, derivatives, refinement. The
 /// error of a setting is 10^−(mean correct digits over the 54 runs); its time is the median run's.
@@ -37,7 +37,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     rows.push(row("refinement", "double-double".into(), &precise));
     let far = Options { initial_radius: 100.0, ..plain.clone() };
     rows.push(row("descents from a radius of 100", "one descent".into(), &with(far.clone())?));
-    let scales = solve_all(&|problem, start| global::minimize_scales(problem, start, &far))?;
+    let scales = solve_all(&|problem, start| multi_start::minimize_scales(problem, start, &far))?;
     rows.push(row("descents from a radius of 100", "until sound".into(), &scales));
     rows.push(row("loop", "trust region".into(), &standard));
     for (name, solver) in loops::LOOPS {
@@ -46,7 +46,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-fn row(knob: &str, setting: String, all: &[Outcome]) -> BenchRow {
+fn row(knob: &str, setting: String, all: &[NistOutcome]) -> BenchRow {
     let count = all.len() as f64;
     let mean = all.iter().map(|o| o.digits).sum::<f64>() / count;
     let deviations = all.iter().map(|o| o.deviation_digits).sum::<f64>() / count;

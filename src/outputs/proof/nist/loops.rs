@@ -5,9 +5,9 @@
 //! ([`mesophyll_base::solve::lm`], not refined) 54 and 9.2; Marquardt 50 and 8.6; shortened Gauss–Newton 51 and 8.9;
 //! halved Newton 49 and 8.6; L-BFGS in rounds 51 and 8.8. From the 27 near starts every loop gets all of them right.
 
-use mesophyll_base::solve::damped::{self, Control, Damped, NormalStep, normal_step};
-use mesophyll_base::solve::lbfgs::{self, Limits, Normal, Smooth};
-use mesophyll_base::solve::{Fit, Problem, Termination, Uncertainty, decompose};
+use mesophyll_base::solvers::damping::{self, DampedProblem, DampingControl, NormalStep, normal_step};
+use mesophyll_base::solvers::lbfgs::{self, DescentLimits, DifferentiableCost, NormalEquations};
+use mesophyll_base::solvers::{Fit, Problem, Termination, Uncertainty, decomposition};
 use nalgebra::{DMatrix, DVector};
 
 /// A descent ends when the predicted decrease of Σ r², relative to Σ r², is below this; the solver has the same
@@ -16,9 +16,9 @@ const CONVERGED: f64 = 1e-14;
 
 /// The loops by name.
 pub const LOOPS: [(&str, fn(&dyn Problem, &[f64]) -> Fit); 4] = [
-    ("Marquardt", |problem, start| damped(problem, start, Control::MARQUARDT)),
-    ("shortened Gauss-Newton", |problem, start| damped(problem, start, Control::SHORTENED)),
-    ("halved Newton", |problem, start| damped(problem, start, Control::HALVED)),
+    ("Marquardt", |problem, start| damped(problem, start, DampingControl::MARQUARDT)),
+    ("shortened Gauss-Newton", |problem, start| damped(problem, start, DampingControl::SHORTENED)),
+    ("halved Newton", |problem, start| damped(problem, start, DampingControl::HALVED)),
     ("L-BFGS in rounds", rounds),
 ];
 
@@ -35,8 +35,8 @@ fn bare(params: Vec<f64>, cost: f64, termination: Termination, evaluations: usiz
 }
 
 /// A descent by [`damped::minimize`].
-fn damped(problem: &dyn Problem, start: &[f64], strategy: Control) -> Fit {
-    let control = Control { iterations: ITERATIONS, ..strategy };
+fn damped(problem: &dyn Problem, start: &[f64], strategy: DampingControl) -> Fit {
+    let control = DampingControl { iterations: ITERATIONS, ..strategy };
     match start.len() {
         2 => of::<2>(problem, start, &control),
         3 => of::<3>(problem, start, &control),
@@ -49,10 +49,10 @@ fn damped(problem: &dyn Problem, start: &[f64], strategy: Control) -> Fit {
     }
 }
 
-fn of<const N: usize>(problem: &dyn Problem, start: &[f64], control: &Control) -> Fit {
+fn of<const N: usize>(problem: &dyn Problem, start: &[f64], control: &DampingControl) -> Fit {
     let mut dense = Dense { problem, evaluations: 0, normal: [[0.0; N]; N], gradient: [0.0; N] };
     let at = dense.place(std::array::from_fn(|k| start[k]));
-    let (at, termination) = damped::minimize(&mut dense, at, control);
+    let (at, termination) = damping::minimize(&mut dense, at, control);
     bare(at.x.to_vec(), 0.5 * at.chi2, termination, dense.evaluations)
 }
 
@@ -79,7 +79,7 @@ impl<const N: usize> Dense<'_, N> {
     }
 }
 
-impl<const N: usize> Damped for Dense<'_, N> {
+impl<const N: usize> DampedProblem for Dense<'_, N> {
     type Point = Place<N>;
     type Step = NormalStep<N>;
 
@@ -126,14 +126,14 @@ fn rounds(problem: &dyn Problem, start: &[f64]) -> Fit {
     for _ in 0..ROUNDS {
         let normal = relative.normal(&p);
         evaluations += 1;
-        let Some(eigen) = decompose::symmetric_eigen(normal.matrix.clone()) else {
+        let Some(eigen) = decomposition::symmetric_eigen(normal.matrix.clone()) else {
             return done(&p, normal.cost, Termination::NotFinite, evaluations);
         };
         let unit = (2.0 * normal.cost / freedom).sqrt();
         if lbfgs::distance(&eigen, &normal.gradient) < 1e-6 * unit {
             return done(&p, normal.cost, Termination::GradientSmall, evaluations);
         }
-        let limits = Limits { gradient: 1e-8 * unit, iterations: 40 };
+        let limits = DescentLimits { gradient: 1e-8 * unit, iterations: 40 };
         evaluations += lbfgs::round(&relative, &mut p, &normal, &eigen, &mut damping, 1.0, limits).evaluations;
     }
     done(&p, f64::NAN, Termination::IterationLimit, evaluations)
@@ -146,18 +146,18 @@ struct Relative<'a> {
 }
 
 impl Relative<'_> {
-    fn normal(&self, p: &[f64]) -> Normal {
+    fn normal(&self, p: &[f64]) -> NormalEquations {
         let (n, m) = (p.len(), self.problem.residuals());
         let params: Vec<f64> = p.iter().zip(self.start).map(|(p, s)| p * s).collect();
         let (mut r, mut j) = (DVector::zeros(m), DMatrix::zeros(m, n));
         self.problem.evaluate(&params, r.as_mut_slice());
         self.problem.jacobian(&params, j.as_mut_slice());
         (0..n).for_each(|k| j.column_mut(k).scale_mut(self.start[k]));
-        Normal { cost: 0.5 * r.norm_squared(), gradient: j.tr_mul(&r), matrix: j.tr_mul(&j) }
+        NormalEquations { cost: 0.5 * r.norm_squared(), gradient: j.tr_mul(&r), matrix: j.tr_mul(&j) }
     }
 }
 
-impl Smooth for Relative<'_> {
+impl DifferentiableCost for Relative<'_> {
     fn parameters(&self) -> usize {
         self.start.len()
     }

@@ -5,7 +5,7 @@
 mod bench;
 mod loops;
 mod models;
-mod parse;
+mod reader;
 mod table;
 
 pub use bench::bench_rows;

@@ -1,21 +1,21 @@
 //! The models of the 27 problems, as each file prints them, written once for every precision (derivatives come by
 //! forward mode).
 
-use super::parse::Dataset;
-use crate::precise::{Auto, Dd, Model, Precise, Real};
+use super::reader::NistDataset;
+use crate::precise::{DoubleDouble, PreciseModel, PreciseModelProblem, PreciseProblem, PreciseReal};
 
 /// The data and the formula in one type. The residual is `f(x; b) − y`; its sign does not matter.
 macro_rules! models {
     ($($name:ident [$n:literal] |$b:ident, $x:ident| $formula:expr;)*) => {
         $(
-            struct $name(Vec<Vec<Dd>>);
+            struct $name(Vec<Vec<DoubleDouble>>);
 
-            impl Model<$n> for $name {
+            impl PreciseModel<$n> for $name {
                 fn residuals(&self) -> usize {
                     self.0.len()
                 }
 
-                fn residual<T: Real>(&self, $b: &[T; $n], index: usize) -> T {
+                fn residual<T: PreciseReal>(&self, $b: &[T; $n], index: usize) -> T {
                     let row = &self.0[index];
                     let $x = T::precise(row[1]);
                     let y: T = $formula;
@@ -27,20 +27,20 @@ macro_rules! models {
 }
 
 /// A whole number or a decimal fraction that `f64` holds exactly.
-fn c<T: Real>(value: f64) -> T {
+fn c<T: PreciseReal>(value: f64) -> T {
     T::constant(value)
 }
 
-fn cubic<T: Real>(a: [T; 4], x: T) -> T {
+fn cubic<T: PreciseReal>(a: [T; 4], x: T) -> T {
     a[0] + x * (a[1] + x * (a[2] + x * a[3]))
 }
 
-fn quadratic<T: Real>(a: [T; 3], x: T) -> T {
+fn quadratic<T: PreciseReal>(a: [T; 3], x: T) -> T {
     a[0] + x * (a[1] + x * a[2])
 }
 
 /// exp(−((x − centre)/width)²)
-fn bell<T: Real>(x: T, centre: T, width: T) -> T {
+fn bell<T: PreciseReal>(x: T, centre: T, width: T) -> T {
     (-((x - centre) / width).square()).exp()
 }
 
@@ -73,14 +73,14 @@ models! {
 }
 
 /// Nelson's response is a logarithm, and it has two predictors.
-struct Nelson(Vec<Vec<Dd>>);
+struct Nelson(Vec<Vec<DoubleDouble>>);
 
-impl Model<3> for Nelson {
+impl PreciseModel<3> for Nelson {
     fn residuals(&self) -> usize {
         self.0.len()
     }
 
-    fn residual<T: Real>(&self, b: &[T; 3], index: usize) -> T {
+    fn residual<T: PreciseReal>(&self, b: &[T; 3], index: usize) -> T {
         let row = &self.0[index];
         let (y, x1, x2) = (T::precise(row[0].ln()), T::precise(row[1]), T::precise(row[2]));
         b[0] - b[1] * x1 * (-b[2] * x2).exp() - y
@@ -88,29 +88,29 @@ impl Model<3> for Nelson {
 }
 
 /// The problem in a file; `None` for a name or a shape that is not one of the 27.
-pub fn problem(set: &Dataset) -> Option<Box<dyn Precise + Send + Sync>> {
+pub fn problem(set: &NistDataset) -> Option<Box<dyn PreciseProblem + Send + Sync>> {
     let rows = set.rows.clone();
-    let problem: Box<dyn Precise + Send + Sync> = match set.name.as_str() {
-        "Misra1a" | "BoxBOD" => Box::new(Auto(Misra1a(rows))),
-        "Misra1b" => Box::new(Auto(Misra1b(rows))),
-        "Misra1c" => Box::new(Auto(Misra1c(rows))),
-        "Misra1d" => Box::new(Auto(Misra1d(rows))),
-        "Chwirut1" | "Chwirut2" => Box::new(Auto(Chwirut(rows))),
-        "DanWood" => Box::new(Auto(DanWood(rows))),
-        "Lanczos1" | "Lanczos2" | "Lanczos3" => Box::new(Auto(Lanczos(rows))),
-        "Gauss1" | "Gauss2" | "Gauss3" => Box::new(Auto(Gauss(rows))),
-        "Kirby2" => Box::new(Auto(Kirby2(rows))),
-        "Hahn1" | "Thurber" => Box::new(Auto(CubicRatio(rows))),
-        "ENSO" => Box::new(Auto(Enso(rows))),
-        "MGH09" => Box::new(Auto(Mgh09(rows))),
-        "MGH10" => Box::new(Auto(Mgh10(rows))),
-        "MGH17" => Box::new(Auto(Mgh17(rows))),
-        "Roszman1" => Box::new(Auto(Roszman1(rows))),
-        "Rat42" => Box::new(Auto(Rat42(rows))),
-        "Rat43" => Box::new(Auto(Rat43(rows))),
-        "Eckerle4" => Box::new(Auto(Eckerle4(rows))),
-        "Bennett5" => Box::new(Auto(Bennett5(rows))),
-        "Nelson" => Box::new(Auto(Nelson(rows))),
+    let problem: Box<dyn PreciseProblem + Send + Sync> = match set.name.as_str() {
+        "Misra1a" | "BoxBOD" => Box::new(PreciseModelProblem(Misra1a(rows))),
+        "Misra1b" => Box::new(PreciseModelProblem(Misra1b(rows))),
+        "Misra1c" => Box::new(PreciseModelProblem(Misra1c(rows))),
+        "Misra1d" => Box::new(PreciseModelProblem(Misra1d(rows))),
+        "Chwirut1" | "Chwirut2" => Box::new(PreciseModelProblem(Chwirut(rows))),
+        "DanWood" => Box::new(PreciseModelProblem(DanWood(rows))),
+        "Lanczos1" | "Lanczos2" | "Lanczos3" => Box::new(PreciseModelProblem(Lanczos(rows))),
+        "Gauss1" | "Gauss2" | "Gauss3" => Box::new(PreciseModelProblem(Gauss(rows))),
+        "Kirby2" => Box::new(PreciseModelProblem(Kirby2(rows))),
+        "Hahn1" | "Thurber" => Box::new(PreciseModelProblem(CubicRatio(rows))),
+        "ENSO" => Box::new(PreciseModelProblem(Enso(rows))),
+        "MGH09" => Box::new(PreciseModelProblem(Mgh09(rows))),
+        "MGH10" => Box::new(PreciseModelProblem(Mgh10(rows))),
+        "MGH17" => Box::new(PreciseModelProblem(Mgh17(rows))),
+        "Roszman1" => Box::new(PreciseModelProblem(Roszman1(rows))),
+        "Rat42" => Box::new(PreciseModelProblem(Rat42(rows))),
+        "Rat43" => Box::new(PreciseModelProblem(Rat43(rows))),
+        "Eckerle4" => Box::new(PreciseModelProblem(Eckerle4(rows))),
+        "Bennett5" => Box::new(PreciseModelProblem(Bennett5(rows))),
+        "Nelson" => Box::new(PreciseModelProblem(Nelson(rows))),
         _ => return None,
     };
     let predictors = if set.name == "Nelson" { 2 } else { 1 };

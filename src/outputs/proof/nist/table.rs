@@ -1,11 +1,11 @@
 //! All 54 runs with one set of options, and the resulting digits.
 
 use super::models;
-use super::parse::{self, Dataset};
+use super::reader::{self, NistDataset};
 use crate::Result;
-use crate::precise::{Precise, refined};
+use crate::precise::{PreciseProblem, refined};
 use crate::stress::StressRow;
-use mesophyll_base::solve::{Fit, Options, global};
+use mesophyll_base::solvers::{Fit, Options, multi_start};
 use std::time::Instant;
 
 macro_rules! files {
@@ -24,7 +24,7 @@ pub(super) const SOLVED: f64 = 4.0;
 
 /// One run: a problem from one of its starts.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub struct NistOutcome {
     /// The problem's name, as NIST has it.
     pub name: String,
     /// 1 or 2.
@@ -41,7 +41,7 @@ pub struct Outcome {
     pub ms: f64,
 }
 
-impl Outcome {
+impl NistOutcome {
     /// Whether the run converged to the certified parameters.
     pub fn solved(&self) -> bool {
         self.fit.converged() && self.digits > SOLVED
@@ -65,8 +65,8 @@ impl Outcome {
 ///
 /// # Errors
 /// None for the files in the program; those of the reader if one is damaged.
-pub fn datasets() -> Result<Vec<Dataset>> {
-    FILES.iter().map(|(name, text)| parse::parse(text, &format!("{name}.dat"))).collect()
+pub fn datasets() -> Result<Vec<NistDataset>> {
+    FILES.iter().map(|(name, text)| reader::parse(text, &format!("{name}.dat"))).collect()
 }
 
 /// Correct decimal digits of `value`, between 0 and 11.
@@ -80,13 +80,13 @@ fn fewest(values: &[f64], certified: &[f64]) -> f64 {
 }
 
 /// How a run is solved from a start.
-pub type Solver<'a> = &'a dyn Fn(&dyn Precise, &[f64]) -> Fit;
+pub type NistSolver<'a> = &'a dyn Fn(&dyn PreciseProblem, &[f64]) -> Fit;
 
 /// Runs every problem from both starts, by the same solver.
 ///
 /// # Errors
 /// As [`datasets`].
-pub fn solve_all(solver: Solver) -> Result<Vec<Outcome>> {
+pub fn solve_all(solver: NistSolver) -> Result<Vec<NistOutcome>> {
     let mut outcomes = Vec::new();
     for set in datasets()? {
         let Some(problem) = models::problem(&set) else { continue };
@@ -96,17 +96,17 @@ pub fn solve_all(solver: Solver) -> Result<Vec<Outcome>> {
 }
 
 /// Solves as users' fits are solved, then adds the last digits that double precision does not hold.
-fn certified(problem: &dyn Precise, start: &[f64]) -> Fit {
+fn certified(problem: &dyn PreciseProblem, start: &[f64]) -> Fit {
     let options = Options::default();
-    refined(problem, global::minimize_scales(problem, start, &options), options.noise)
+    refined(problem, multi_start::minimize_scales(problem, start, &options), options.noise)
 }
 
 /// One problem from start 1 or 2.
-pub(super) fn run(set: &Dataset, problem: &dyn Precise, start: usize, solver: Solver) -> Outcome {
+pub(super) fn run(set: &NistDataset, problem: &dyn PreciseProblem, start: usize, solver: NistSolver) -> NistOutcome {
     let clock = Instant::now();
     let fit = solver(problem, &set.starts[start - 1]);
     let ms = clock.elapsed().as_secs_f64() * 1e3;
-    Outcome {
+    NistOutcome {
         name: set.name.clone(),
         start,
         digits: fewest(&fit.params, &set.values),
@@ -122,7 +122,7 @@ pub(super) fn run(set: &Dataset, problem: &dyn Precise, start: usize, solver: So
 /// # Errors
 /// As [`datasets`].
 pub fn stress() -> Result<Vec<StressRow>> {
-    let row = |o: Outcome| StressRow {
+    let row = |o: NistOutcome| StressRow {
         model: "nist".into(),
         case: format!("{} start {}", o.name, o.start),
         expected: "ok".into(),
@@ -137,7 +137,7 @@ pub fn stress() -> Result<Vec<StressRow>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesophyll_base::solve::jacobian;
+    use mesophyll_base::solvers::jacobian;
 
     /// The goal for the solver: all 54 runs solved with at least 10 digits on average, and the certified standard
     /// deviations as well.
@@ -161,7 +161,7 @@ mod tests {
     fn other_first_radii_solve_all_but_a_few() {
         for initial_radius in [0.1, 100.0] {
             let options = Options { initial_radius, ..Options::default() };
-            let all = solve_all(&|p, start| global::minimize_scales(p, start, &options)).unwrap();
+            let all = solve_all(&|p, start| multi_start::minimize_scales(p, start, &options)).unwrap();
             let missed: Vec<String> =
                 all.iter().filter(|o| !o.solved()).map(|o| format!("{} {}", o.name, o.start)).collect();
             assert!(missed.is_empty(), "radius {initial_radius}: {missed:?}");

@@ -13,11 +13,11 @@ use mesophyll_base::error::{Error, Result};
 use mesophyll_check::cost::median;
 use mesophyll_check::told;
 use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
-use mesophyll_files::progress::{self, Bar};
+use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
@@ -96,7 +96,8 @@ fn scene() -> Result<viewer::Scene> {
     write("leaf.bin", &super::trees::leaf_bytes())?;
     write("scene.toml", SCENE.as_bytes())?;
     let ledger = Ledger::new();
-    let mut opened = Scene::open(Manifest::read(&folder.path().join("scene.toml"))?, Search::default(), &ledger)?;
+    let mut opened =
+        LoadedScene::open(SceneManifest::read(&folder.path().join("scene.toml"))?, LeafSearch::default(), &ledger)?;
     opened.placed.leaves.iter_mut().for_each(|leaf| leaf.mesh = Some(blade(1.0)));
     let mut out = handover::scene(&opened, &ledger)?;
     out.shadow_samples = 1;
@@ -144,7 +145,7 @@ fn means(picture: &gpu::Picture) -> [f64; 2] {
 /// # Errors
 /// Those of opening the adapter, of reading and of drawing, and [`mesophyll_base::error::Error::Interrupted`] after a
 /// stop.
-pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let open = || gpu::Renderer::headless(&gpu::Options::default());
     let mut renderers = match open() {
         Err(gpu::Error::NoAdapter) => {
@@ -227,7 +228,7 @@ mod tests {
     fn the_leaf_of_the_bench_has_flat_levels() {
         let mesh = handover::with_details(&blade(1.0), None, true);
         let own = blade(1.0).positions.len() as u32;
-        let lit: Vec<&viewer::Detail> = mesh.details.iter().filter(|d| !d.outline_only).collect();
+        let lit: Vec<&viewer::DetailLevel> = mesh.details.iter().filter(|d| !d.outline_only).collect();
         let last = lit.last_chunk::<2>().expect("levels").map(|d| d.indices.len() / 3);
         assert_eq!((last, mesh.positions.len()), ([4, 2], own as usize + 10));
         assert!(lit[lit.len() - 2..].iter().all(|d| d.indices.iter().all(|k| *k >= own)));
@@ -245,7 +246,7 @@ mod tests {
             interior: viewer::Interior::Maps { rho_d: vec![[rho; 3]], rho_t: vec![[0.5 * rho; 3]] },
             ..viewer::SideMaps::black()
         };
-        let leaf = viewer::Leaf {
+        let leaf = viewer::LeafMaterial {
             name: "leaf".into(),
             width: 1,
             height: 1,

@@ -11,15 +11,15 @@ use glam::{DVec3, Vec3};
 use mesophyll_base::error::{Error, Result};
 use mesophyll_check::cost::median;
 use mesophyll_check::{blocks, told};
-use mesophyll_files::progress::{self, Bar};
+use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_optics::side::Side;
-use mesophyll_scene::draw::truth::{Sampling, Truth};
+use mesophyll_scene::draw::scene_reference::{ReferenceSampling, SceneReference};
 use mesophyll_scene::draw::{handover, reference};
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_transport::compare::compare;
+use mesophyll_transport::comparison::compare;
 use mesophyll_transport::{self as transport, ReferencePicture};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
@@ -54,7 +54,7 @@ const FRAMES: usize = 3;
 
 /// A lawn that can be drawn in all ways.
 struct Lawn {
-    scene: Scene,
+    scene: LoadedScene,
     base: viewer::Scene,
 }
 
@@ -78,8 +78,8 @@ impl Lawn {
         let grass = format!("[[grass]]\nname = \"lawn\"\nmeadow = \"lawn.toml\"\ntiles = [{tiles}, {tiles}]\n{more}");
         write("scene.toml", format!("schema = 1\nname = \"lawn\"\nexposure = 0.35\n{grass}{lights}{view}"))?;
         let ledger = Ledger::new();
-        let manifest = Manifest::read(&folder.path().join("scene.toml"))?;
-        let scene = Scene::open(manifest, Search::default(), &ledger)?;
+        let manifest = SceneManifest::read(&folder.path().join("scene.toml"))?;
+        let scene = LoadedScene::open(manifest, LeafSearch::default(), &ledger)?;
         let base = handover::scene(&scene, &ledger)?;
         Ok(Lawn { scene, base })
     }
@@ -113,7 +113,7 @@ impl Lawn {
                 },
                 ..viewer::SideMaps::black()
             };
-            let leaf = viewer::Leaf {
+            let leaf = viewer::LeafMaterial {
                 name: blade.material.clone(),
                 width: 1,
                 height: 1,
@@ -149,14 +149,14 @@ fn meadow(per_m2: f64) -> Result<String> {
 
 /// A camera at an elevation (degrees) and a distance from the lawn's middle (mm). It sees `seen` mm of the lawn from
 /// top to bottom.
-fn camera(elevation: f64, distance: f64, seen: f64) -> (viewer::Camera, transport::Camera) {
+fn camera(elevation: f64, distance: f64, seen: f64) -> (viewer::Camera, transport::ReferenceCamera) {
     let ((se, ce), (sa, ca)) = (elevation.to_radians().sin_cos(), 20f64.to_radians().sin_cos());
     let (eye, target) = (distance * DVec3::new(ce * ca, ce * sa, se), DVec3::new(0.0, 0.0, 20.0));
     let up = if elevation > 80.0 { DVec3::Y } else { DVec3::Z };
     let fov_y_deg = 2.0 * (0.5 * seen / distance).atan().to_degrees();
     let vec = |v: DVec3| -> Vec3 { v.as_vec3() };
     let here = viewer::Camera { eye: vec(eye), target: vec(target), up: vec(up), fov_y_deg: fov_y_deg as f32 };
-    (here, transport::Camera { eye, target, up, fov_y_deg })
+    (here, transport::ReferenceCamera { eye, target, up, fov_y_deg })
 }
 
 /// The error of a picture: the 99th percentile of FLIP, and the root mean square of the relative difference of the
@@ -189,7 +189,7 @@ impl Drawn {
 ///
 /// # Errors
 /// Those of opening the adapter, reading and drawing, and [`mesophyll_base::error::Error::Interrupted`] after a stop.
-pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let mut renderer = match gpu::Renderer::headless(&gpu::Options::default()) {
         Err(gpu::Error::NoAdapter) => {
             progress::say("no graphics adapter: the rows of drawn lawns are left out");
@@ -202,20 +202,21 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let lawn = Lawn::new(PER_M2, 4)?;
     let world = reference::traced(&lawn.scene, 0.0, &Ledger::new())?;
-    let truth = Truth::new(&world, true)?;
+    let truth = SceneReference::new(&world, true)?;
     let all = [Drawn::Slices(64), Drawn::Slices(16), Drawn::Slices(4), Drawn::Billboards, Drawn::Blades];
-    let mut judged = |truth: &Truth, lawn: &Lawn, knob: &str, setting: f64, unit: &str, eye: (f64, f64, f64)| {
-        let (here, there) = camera(eye.0, eye.1, eye.2);
-        let [w, h] = SIZE.map(|n| n as usize);
-        let sampling = |seed| Sampling { size: [w, h], samples: PATHS, sun_samples: 4, seed };
-        let right = truth.draw(&there, "lawn", sampling(1))?;
-        let noise = compare(&right, &truth.draw(&there, "lawn", sampling(2))?.ldr)?.flip_p99;
-        for way in all {
-            renderer.set_scene(&lawn.drawn(way)).map_err(told)?;
-            let picture = renderer.render(&here, SIZE[0], SIZE[1]).map_err(told)?;
-            let (error, off) = apart(&right, &picture)?;
-            let us = frame(&mut renderer, &here, SIZE)?;
-            rows.push(BenchRow {
+    let mut judged =
+        |truth: &SceneReference, lawn: &Lawn, knob: &str, setting: f64, unit: &str, eye: (f64, f64, f64)| {
+            let (here, there) = camera(eye.0, eye.1, eye.2);
+            let [w, h] = SIZE.map(|n| n as usize);
+            let sampling = |seed| ReferenceSampling { size: [w, h], samples: PATHS, sun_samples: 4, seed };
+            let right = truth.draw(&there, "lawn", sampling(1))?;
+            let noise = compare(&right, &truth.draw(&there, "lawn", sampling(2))?.ldr)?.flip_p99;
+            for way in all {
+                renderer.set_scene(&lawn.drawn(way)).map_err(told)?;
+                let picture = renderer.render(&here, SIZE[0], SIZE[1]).map_err(told)?;
+                let (error, off) = apart(&right, &picture)?;
+                let us = frame(&mut renderer, &here, SIZE)?;
+                rows.push(BenchRow {
                 model: "grass".into(),
                 knob: knob.into(),
                 setting: format!("{setting}{unit}: {}", way.name()),
@@ -229,15 +230,15 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
                     SIZE[1]
                 ),
             });
-        }
-        bar.step()
-    };
+            }
+            bar.step()
+        };
     for elevation in ELEVATIONS {
         judged(&truth, &lawn, "elevation", elevation, "°", (elevation, 1200.0, 200.0))?;
     }
     let wide = Lawn::new(PER_M2, 8)?;
     let world = reference::traced(&wide.scene, 0.0, &Ledger::new())?;
-    let truth = Truth::new(&world, true)?;
+    let truth = SceneReference::new(&world, true)?;
     for distance in DISTANCES {
         judged(&truth, &wide, "distance", distance / 1e3, " m", (35.0, distance, 0.3 * distance))?;
     }
@@ -274,7 +275,7 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
 ///
 /// # Errors
 /// Those of opening the adapter, reading and drawing, and [`mesophyll_base::error::Error::Interrupted`] after a stop.
-fn densities(adapter: &str, bar: &Bar) -> Result<Vec<BenchRow>> {
+fn densities(adapter: &str, bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     const TURNS: usize = 9;
     let lawns: Vec<Lawn> = DENSITIES.iter().map(|d| Lawn::new(PER_M2 / 4.0 * d, 4)).collect::<Result<_>>()?;
     let open = |_: &f64| gpu::Renderer::headless(&gpu::Options::default()).map_err(told);

@@ -8,12 +8,12 @@ use mesophyll_check::told;
 use mesophyll_files::atomic;
 use mesophyll_fits::grass::hill::Hill;
 use mesophyll_scene::draw::{handover, reference};
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_transport::rays::{Forest, Ray, Shape};
-use mesophyll_transport::render::Lens;
+use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
+use mesophyll_transport::renderer::CameraRays;
 use mesophyll_viewer as gpu;
 use rayon::prelude::*;
 
@@ -25,7 +25,7 @@ const RAYS: usize = 4;
 /// Heights over the edge of the level ground, in pixels: means over the columns of the picture in which the hill
 /// without grass stands over that edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Silhouettes {
+pub struct LawnSilhouettes {
     /// The hill without grass, by its formula.
     pub bare: f64,
     /// Blades and ground, as the path tracer has them.
@@ -38,23 +38,23 @@ pub struct Silhouettes {
 ///
 /// # Errors
 /// Those of reading and drawing, and [`Error::Interrupted`] after a stop.
-pub fn silhouettes(renderer: &mut gpu::Renderer, width: u32) -> Result<Silhouettes> {
+pub fn silhouettes(renderer: &mut gpu::Renderer, width: u32) -> Result<LawnSilhouettes> {
     let folder = tempfile::tempdir().map_err(|e| Error::Missed(format!("no folder for a hill: {e}")))?;
     let scenes = folder.path().join("scenes");
     std::fs::create_dir_all(&scenes).map_err(|e| Error::write(&scenes, atomic::explain(&e)))?;
     atomic::write_bytes(&folder.path().join("lawn.toml"), LAWN.as_bytes())?;
     atomic::write_bytes(&scenes.join("hill.toml"), SCENE.as_bytes())?;
-    let manifest = Manifest::read(&scenes.join("hill.toml"))?;
+    let manifest = SceneManifest::read(&scenes.join("hill.toml"))?;
     let height = width * manifest.check.height / manifest.check.width;
     let ledger = Ledger::new();
-    let scene = Scene::open(manifest, Search::default(), &ledger)?;
+    let scene = LoadedScene::open(manifest, LeafSearch::default(), &ledger)?;
     let missing = |what: &str| Error::field(&scene.manifest.path, what, "missing");
     let view = scene.manifest.views.iter().find(|v| v.name == "ridge").ok_or_else(|| missing("view \"ridge\""))?;
     let hill = mesophyll_scene::placed::grass::hill(&scene.manifest).ok_or_else(|| missing("ground.hill"))?;
     let reach = scene.manifest.ground.as_ref().and_then(|g| g.reach_mm).ok_or_else(|| missing("ground.reach_mm"))?;
     let camera = reference::camera(view);
     let (w, h) = (width as usize, height as usize);
-    let lens = Lens::new(&camera, w, h)?;
+    let lens = CameraRays::new(&camera, w, h)?;
     // The share of every pixel whose rays meet something.
     let shown = |meets: &(dyn Fn(&Ray) -> bool + Sync)| -> Vec<f64> {
         let one = |k: usize| {
@@ -72,15 +72,15 @@ pub fn silhouettes(renderer: &mut gpu::Renderer, width: u32) -> Result<Silhouett
     let wide: Vec<usize> = (0..w).filter(|x| bare[*x] > level[*x] + 1.0).collect();
     let over = |seen: &[f64]| wide.iter().map(|x| seen[*x] - level[*x]).sum::<f64>() / wide.len() as f64;
     let world = reference::traced(&scene, 0.0, &ledger)?;
-    let shapes = world.leaves.iter().map(|l| Shape::new(&l.mesh.positions, &l.mesh.indices)).collect();
+    let shapes = world.leaves.iter().map(|l| TriangleTree::new(&l.mesh.positions, &l.mesh.indices)).collect();
     let placed: Vec<(usize, DMat4)> = world.instances.iter().map(|i| (i.leaf, i.transform)).collect();
-    let forest = Forest::new(shapes, &placed);
+    let forest = InstanceForest::new(shapes, &placed);
     let far = 4.0 * (camera.eye.length() + reach);
     let blades = over(&columns(&shown(&|ray: &Ray| forest.blocked_within(ray, far, |_, _, _| true))));
     renderer.set_scene(&handover::scene(&scene, &ledger)?).map_err(told)?;
     let picture = renderer.render(&handover::camera(view), width, height).map_err(told)?;
     let drawn: Vec<f64> = picture.hdr.iter().map(|p| f64::from(p[3])).collect();
-    Ok(Silhouettes { bare: over(&bare), blades, slices: over(&columns(&drawn)) })
+    Ok(LawnSilhouettes { bare: over(&bare), blades, slices: over(&columns(&drawn)) })
 }
 
 /// Whether a ray from above meets the ground with this hill within the square that reaches `reach` mm from the

@@ -8,13 +8,13 @@ use super::BenchRow;
 use mesophyll_base::error::{Error, Result};
 use mesophyll_check::cost::median;
 use mesophyll_check::told;
-use mesophyll_files::progress::{self, Bar};
+use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::loaded::Scene;
-use mesophyll_scene::manifest::Manifest;
-use mesophyll_scene::placed::leaf::Search;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_transport::compare::{flip_map, percentile};
+use mesophyll_transport::comparison::{flip_map, percentile};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::time::Instant;
@@ -110,13 +110,13 @@ fn scene(way: &Way) -> Result<(viewer::Scene, viewer::Camera)> {
         format!("schema = 1\nname = \"trees\"\nexposure = 0.14\n{leaf}{plants}{lights}{wind}{view}").as_bytes(),
     )?;
     let ledger = Ledger::new();
-    let manifest = Manifest::read(&folder.path().join("scene.toml"))?;
-    let opened = Scene::open(manifest, Search::default(), &ledger)?;
+    let manifest = SceneManifest::read(&folder.path().join("scene.toml"))?;
+    let opened = LoadedScene::open(manifest, LeafSearch::default(), &ledger)?;
     let mut out = handover::scene(&opened, &ledger)?;
     out.shadow_samples = 1;
     if !way.lit {
         let plain = |m: &viewer::Material| {
-            viewer::Material::Opaque(viewer::Opaque { name: m.name().into(), albedo: [0.1, 0.2, 0.05] })
+            viewer::Material::Opaque(viewer::OpaqueMaterial { name: m.name().into(), albedo: [0.1, 0.2, 0.05] })
         };
         out.materials = out.materials.iter().map(plain).collect();
     }
@@ -203,7 +203,7 @@ fn times(pair: &mut Pair, scene: &viewer::Scene, camera: &viewer::Camera, pairs:
         let mut in_motion = || {
             frames(&mut pair.moving, camera, |renderer, _| {
                 time_s += STEP;
-                renderer.set_time(&viewer::Wind { time_s });
+                renderer.set_time(&viewer::WindState { time_s });
                 Ok(())
             })
         };
@@ -232,7 +232,7 @@ fn times(pair: &mut Pair, scene: &viewer::Scene, camera: &viewer::Camera, pairs:
 /// # Errors
 /// Those of opening the adapter, of reading and of drawing, and [`mesophyll_base::error::Error::Interrupted`] after a
 /// stop.
-pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let open = || gpu::Renderer::headless(&gpu::Options::default());
     let mut pair = match (open(), open()) {
         (Err(gpu::Error::NoAdapter), _) | (_, Err(gpu::Error::NoAdapter)) => {
@@ -249,7 +249,7 @@ pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
         let (scene, camera) = scene(way)?;
         let seen = times(&mut pair, &scene, &camera, way.pairs)?;
         // Both kinds of adapter compare pictures of the same time.
-        pair.moving.set_time(&viewer::Wind { time_s: 1.0 });
+        pair.moving.set_time(&viewer::WindState { time_s: 1.0 });
         let picture = pair.moving.render(&camera, SIZE[0], SIZE[1]).map_err(told)?.ldr;
         let mut error = f64::NAN;
         if way.simplified {

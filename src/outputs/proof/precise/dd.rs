@@ -8,14 +8,14 @@
 // A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-use super::real::Real;
-use mesophyll_base::solve::qr::Number;
+use super::real::PreciseReal;
+use mesophyll_base::solvers::qr::MatrixScalar;
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `hi + lo` with |lo| ≤ ulp(hi)/2.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Dd {
+pub struct DoubleDouble {
     hi: f64,
     lo: f64,
 }
@@ -48,15 +48,15 @@ fn two_product(a: f64, b: f64) -> (f64, f64) {
     (p, ((ah * bh - p) + ah * bl + al * bh) + al * bl)
 }
 
-impl Dd {
-    pub const PI: Dd = Dd { hi: std::f64::consts::PI, lo: 1.224_646_799_147_353_2e-16 };
-    const HALF_PI: Dd = Dd { hi: std::f64::consts::FRAC_PI_2, lo: 6.123_233_995_736_766e-17 };
-    const LN_2: Dd = Dd { hi: std::f64::consts::LN_2, lo: 2.319_046_813_846_299_6e-17 };
+impl DoubleDouble {
+    pub const PI: DoubleDouble = DoubleDouble { hi: std::f64::consts::PI, lo: 1.224_646_799_147_353_2e-16 };
+    const HALF_PI: DoubleDouble = DoubleDouble { hi: std::f64::consts::FRAC_PI_2, lo: 6.123_233_995_736_766e-17 };
+    const LN_2: DoubleDouble = DoubleDouble { hi: std::f64::consts::LN_2, lo: 2.319_046_813_846_299_6e-17 };
 
     /// The exact sum of two doubles.
     pub fn sum(a: f64, b: f64) -> Self {
         let (hi, lo) = two_sum(a, b);
-        Dd { hi, lo }
+        DoubleDouble { hi, lo }
     }
 
     /// The part beyond double precision.
@@ -87,26 +87,30 @@ impl Dd {
             Some(at) => (&text[..at], text[at + 1..].parse::<i32>().ok()?),
             None => (text, 0),
         };
-        let (mut digits, mut scale) = (Dd::default(), exponent);
+        let (mut digits, mut scale) = (DoubleDouble::default(), exponent);
         let mut after_point = false;
         for b in mantissa.bytes() {
             match b {
                 b'.' => after_point = true,
                 b'0'..=b'9' => {
-                    digits = digits * Dd::constant(10.0) + Dd::constant(f64::from(b - b'0'));
+                    digits = digits * DoubleDouble::constant(10.0) + DoubleDouble::constant(f64::from(b - b'0'));
                     scale -= i32::from(after_point);
                 }
                 _ => {}
             }
         }
-        let magnitude = if scale >= 0 { digits * Dd::power_of_ten(scale) } else { digits / Dd::power_of_ten(-scale) };
+        let magnitude = if scale >= 0 {
+            digits * DoubleDouble::power_of_ten(scale)
+        } else {
+            digits / DoubleDouble::power_of_ten(-scale)
+        };
         let value = if mantissa.starts_with('-') { -magnitude } else { magnitude };
         // Exponents that this method cannot hold fall back to the nearest double.
-        Some(if value.is_finite() { value } else { Dd::constant(nearest) })
+        Some(if value.is_finite() { value } else { DoubleDouble::constant(nearest) })
     }
 
     fn power_of_ten(n: i32) -> Self {
-        let (mut result, mut base, mut n) = (Dd::one(), Dd::constant(10.0), n);
+        let (mut result, mut base, mut n) = (DoubleDouble::one(), DoubleDouble::constant(10.0), n);
         while n > 0 {
             if n & 1 == 1 {
                 result = result * base;
@@ -122,7 +126,7 @@ impl Dd {
         let q = self.hi / b;
         let (p, e) = two_product(q, b);
         let (hi, lo) = quick_two_sum(q, ((self.hi - p) - e + self.lo) / b);
-        Dd { hi, lo }
+        DoubleDouble { hi, lo }
     }
 
     /// Exact product with a power of two.
@@ -131,14 +135,14 @@ impl Dd {
         // or zero.
         let (a, b) = (n / 2, n - n / 2);
         let (fa, fb) = (2f64.powi(a), 2f64.powi(b));
-        Dd { hi: self.hi * fa * fb, lo: self.lo * fa * fb }
+        DoubleDouble { hi: self.hi * fa * fb, lo: self.lo * fa * fb }
     }
 
     /// Sine and cosine of |x| ≤ π/4 by their power series.
     fn sin_cos_small(self) -> (Self, Self) {
         let square = self * self;
-        let (mut sin, mut cos) = (self, Dd::one());
-        let (mut sin_term, mut cos_term) = (self, Dd::one());
+        let (mut sin, mut cos) = (self, DoubleDouble::one());
+        let (mut sin_term, mut cos_term) = (self, DoubleDouble::one());
         for k in 1..=16 {
             let k = f64::from(k);
             cos_term = -(cos_term * square).over((2.0 * k - 1.0) * (2.0 * k));
@@ -154,10 +158,10 @@ impl Dd {
 
     fn both(self) -> (Self, Self) {
         if !self.is_finite() {
-            return (Dd::constant(f64::NAN), Dd::constant(f64::NAN));
+            return (DoubleDouble::constant(f64::NAN), DoubleDouble::constant(f64::NAN));
         }
-        let quarter = (self.hi / Dd::HALF_PI.hi).round();
-        let (s, c) = (self - Dd::constant(quarter) * Dd::HALF_PI).sin_cos_small();
+        let quarter = (self.hi / DoubleDouble::HALF_PI.hi).round();
+        let (s, c) = (self - DoubleDouble::constant(quarter) * DoubleDouble::HALF_PI).sin_cos_small();
         match quarter.rem_euclid(4.0) as i64 {
             0 => (s, c),
             1 => (c, -s),
@@ -167,13 +171,13 @@ impl Dd {
     }
 }
 
-impl From<f64> for Dd {
+impl From<f64> for DoubleDouble {
     fn from(hi: f64) -> Self {
-        Dd { hi, lo: 0.0 }
+        DoubleDouble { hi, lo: 0.0 }
     }
 }
 
-impl PartialOrd for Dd {
+impl PartialOrd for DoubleDouble {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         match self.hi.partial_cmp(&other.hi) {
             Some(Ordering::Equal) => self.lo.partial_cmp(&other.lo),
@@ -182,66 +186,66 @@ impl PartialOrd for Dd {
     }
 }
 
-impl Neg for Dd {
-    type Output = Dd;
-    fn neg(self) -> Dd {
-        Dd { hi: -self.hi, lo: -self.lo }
+impl Neg for DoubleDouble {
+    type Output = DoubleDouble;
+    fn neg(self) -> DoubleDouble {
+        DoubleDouble { hi: -self.hi, lo: -self.lo }
     }
 }
 
-impl Add for Dd {
-    type Output = Dd;
-    fn add(self, b: Dd) -> Dd {
+impl Add for DoubleDouble {
+    type Output = DoubleDouble;
+    fn add(self, b: DoubleDouble) -> DoubleDouble {
         let (s, e) = two_sum(self.hi, b.hi);
         // ∞ − ∞ in the error terms must not turn an infinite sum into NaN.
         if !s.is_finite() {
-            return Dd { hi: s, lo: 0.0 };
+            return DoubleDouble { hi: s, lo: 0.0 };
         }
         let (t, f) = two_sum(self.lo, b.lo);
         let (s, e) = quick_two_sum(s, e + t);
         let (hi, lo) = quick_two_sum(s, e + f);
-        Dd { hi, lo }
+        DoubleDouble { hi, lo }
     }
 }
 
-impl Sub for Dd {
-    type Output = Dd;
-    fn sub(self, b: Dd) -> Dd {
+impl Sub for DoubleDouble {
+    type Output = DoubleDouble;
+    fn sub(self, b: DoubleDouble) -> DoubleDouble {
         self + (-b)
     }
 }
 
-impl Mul for Dd {
-    type Output = Dd;
-    fn mul(self, b: Dd) -> Dd {
+impl Mul for DoubleDouble {
+    type Output = DoubleDouble;
+    fn mul(self, b: DoubleDouble) -> DoubleDouble {
         let (p, e) = two_product(self.hi, b.hi);
         if !e.is_finite() {
-            return Dd { hi: p, lo: 0.0 };
+            return DoubleDouble { hi: p, lo: 0.0 };
         }
         let (hi, lo) = quick_two_sum(p, e + (self.hi * b.lo + self.lo * b.hi));
-        Dd { hi, lo }
+        DoubleDouble { hi, lo }
     }
 }
 
-impl Div for Dd {
-    type Output = Dd;
-    fn div(self, b: Dd) -> Dd {
+impl Div for DoubleDouble {
+    type Output = DoubleDouble;
+    fn div(self, b: DoubleDouble) -> DoubleDouble {
         let q1 = self.hi / b.hi;
         if !q1.is_finite() || b.hi.is_infinite() {
-            return Dd { hi: q1, lo: 0.0 };
+            return DoubleDouble { hi: q1, lo: 0.0 };
         }
-        let r = self - b * Dd::constant(q1);
+        let r = self - b * DoubleDouble::constant(q1);
         let q2 = r.hi / b.hi;
-        let r = r - b * Dd::constant(q2);
+        let r = r - b * DoubleDouble::constant(q2);
         let q3 = r.hi / b.hi;
         let (hi, lo) = quick_two_sum(q1, q2);
-        Dd { hi, lo } + Dd::constant(q3)
+        DoubleDouble { hi, lo } + DoubleDouble::constant(q3)
     }
 }
 
-impl Number for Dd {
+impl MatrixScalar for DoubleDouble {
     fn constant(value: f64) -> Self {
-        Dd { hi: value, lo: 0.0 }
+        DoubleDouble { hi: value, lo: 0.0 }
     }
 
     fn value(self) -> f64 {
@@ -250,27 +254,27 @@ impl Number for Dd {
 
     fn sqrt(self) -> Self {
         if self.hi <= 0.0 {
-            return Dd::constant(self.hi.sqrt());
+            return DoubleDouble::constant(self.hi.sqrt());
         }
         // One Newton step doubles the digits of the hardware's root.
-        let root = Dd::constant(self.hi.sqrt());
-        root + (self - root * root) / Dd::constant(2.0 * root.hi)
+        let root = DoubleDouble::constant(self.hi.sqrt());
+        root + (self - root * root) / DoubleDouble::constant(2.0 * root.hi)
     }
 }
 
-impl Real for Dd {
-    fn precise(value: Dd) -> Self {
+impl PreciseReal for DoubleDouble {
+    fn precise(value: DoubleDouble) -> Self {
         value
     }
 
     fn exp(self) -> Self {
         if !(self.hi.abs() < 700.0) {
-            return Dd::constant(self.hi.exp());
+            return DoubleDouble::constant(self.hi.exp());
         }
         // exp x = 2ᵏ (exp(r/512))^512 with |r| ≤ ln 2 / 2. The squarings work on exp − 1, which keeps the digits of the
         // small part.
-        let k = (self.hi / Dd::LN_2.hi).round();
-        let r = (self - Dd::constant(k) * Dd::LN_2).ldexp(-9);
+        let k = (self.hi / DoubleDouble::LN_2.hi).round();
+        let r = (self - DoubleDouble::constant(k) * DoubleDouble::LN_2).ldexp(-9);
         let (mut sum, mut term) = (r, r);
         for n in 2..=9 {
             term = (term * r).over(f64::from(n));
@@ -279,17 +283,17 @@ impl Real for Dd {
         for _ in 0..9 {
             sum = sum.ldexp(1) + sum * sum;
         }
-        (sum + Dd::one()).ldexp(k as i32)
+        (sum + DoubleDouble::one()).ldexp(k as i32)
     }
 
     fn ln(self) -> Self {
         if !(self.hi > 0.0 && self.hi.is_finite()) {
-            return Dd::constant(self.hi.ln());
+            return DoubleDouble::constant(self.hi.ln());
         }
         // Newton on exp y = x: y ← y + x exp(−y) − 1, two steps from the double-precision logarithm.
-        let mut y = Dd::constant(self.hi.ln());
+        let mut y = DoubleDouble::constant(self.hi.ln());
         for _ in 0..2 {
-            y = y + self * (-y).exp() - Dd::one();
+            y = y + self * (-y).exp() - DoubleDouble::one();
         }
         y
     }
@@ -307,7 +311,7 @@ impl Real for Dd {
     }
 
     fn atan(self) -> Self {
-        let near = Dd::constant(self.hi.atan());
+        let near = DoubleDouble::constant(self.hi.atan());
         if !self.is_finite() {
             return near;
         }

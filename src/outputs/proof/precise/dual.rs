@@ -4,70 +4,70 @@
 // The product and quotient rules mix operators by nature.
 #![allow(clippy::suspicious_arithmetic_impl)]
 
-use super::dd::Dd;
-use super::real::Real;
-use mesophyll_base::solve::qr::Number;
+use super::dd::DoubleDouble;
+use super::real::PreciseReal;
+use mesophyll_base::solvers::qr::MatrixScalar;
 use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number and its derivatives to `N` parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Dual<T, const N: usize> {
+pub struct PreciseDual<T, const N: usize> {
     pub v: T,
     pub d: [T; N],
 }
 
-impl<T: Real, const N: usize> Dual<T, N> {
+impl<T: PreciseReal, const N: usize> PreciseDual<T, N> {
     /// The parameter numbered `index`: its derivative by itself is 1.
     pub fn variable(v: T, index: usize) -> Self {
-        Dual { v, d: from_fn(|k| if k == index { T::one() } else { T::zero() }) }
+        PreciseDual { v, d: from_fn(|k| if k == index { T::one() } else { T::zero() }) }
     }
 
     /// `value` with every derivative multiplied by `slope` (the chain rule).
     fn chain(self, value: T, slope: T) -> Self {
-        Dual { v: value, d: self.d.map(|x| slope * x) }
+        PreciseDual { v: value, d: self.d.map(|x| slope * x) }
     }
 }
 
-impl<T: Real, const N: usize> Add for Dual<T, N> {
+impl<T: PreciseReal, const N: usize> Add for PreciseDual<T, N> {
     type Output = Self;
     fn add(self, b: Self) -> Self {
-        Dual { v: self.v + b.v, d: from_fn(|k| self.d[k] + b.d[k]) }
+        PreciseDual { v: self.v + b.v, d: from_fn(|k| self.d[k] + b.d[k]) }
     }
 }
 
-impl<T: Real, const N: usize> Sub for Dual<T, N> {
+impl<T: PreciseReal, const N: usize> Sub for PreciseDual<T, N> {
     type Output = Self;
     fn sub(self, b: Self) -> Self {
-        Dual { v: self.v - b.v, d: from_fn(|k| self.d[k] - b.d[k]) }
+        PreciseDual { v: self.v - b.v, d: from_fn(|k| self.d[k] - b.d[k]) }
     }
 }
 
-impl<T: Real, const N: usize> Mul for Dual<T, N> {
+impl<T: PreciseReal, const N: usize> Mul for PreciseDual<T, N> {
     type Output = Self;
     fn mul(self, b: Self) -> Self {
-        Dual { v: self.v * b.v, d: from_fn(|k| self.d[k] * b.v + self.v * b.d[k]) }
+        PreciseDual { v: self.v * b.v, d: from_fn(|k| self.d[k] * b.v + self.v * b.d[k]) }
     }
 }
 
-impl<T: Real, const N: usize> Div for Dual<T, N> {
+impl<T: PreciseReal, const N: usize> Div for PreciseDual<T, N> {
     type Output = Self;
     fn div(self, b: Self) -> Self {
         let v = self.v / b.v;
-        Dual { v, d: from_fn(|k| (self.d[k] - v * b.d[k]) / b.v) }
+        PreciseDual { v, d: from_fn(|k| (self.d[k] - v * b.d[k]) / b.v) }
     }
 }
 
-impl<T: Real, const N: usize> Neg for Dual<T, N> {
+impl<T: PreciseReal, const N: usize> Neg for PreciseDual<T, N> {
     type Output = Self;
     fn neg(self) -> Self {
-        Dual { v: -self.v, d: self.d.map(|x| -x) }
+        PreciseDual { v: -self.v, d: self.d.map(|x| -x) }
     }
 }
 
-impl<T: Real, const N: usize> Number for Dual<T, N> {
+impl<T: PreciseReal, const N: usize> MatrixScalar for PreciseDual<T, N> {
     fn constant(value: f64) -> Self {
-        Dual { v: T::constant(value), d: [T::zero(); N] }
+        PreciseDual { v: T::constant(value), d: [T::zero(); N] }
     }
     fn value(self) -> f64 {
         self.v.value()
@@ -78,9 +78,9 @@ impl<T: Real, const N: usize> Number for Dual<T, N> {
     }
 }
 
-impl<T: Real, const N: usize> Real for Dual<T, N> {
-    fn precise(value: Dd) -> Self {
-        Dual { v: T::precise(value), d: [T::zero(); N] }
+impl<T: PreciseReal, const N: usize> PreciseReal for PreciseDual<T, N> {
+    fn precise(value: DoubleDouble) -> Self {
+        PreciseDual { v: T::precise(value), d: [T::zero(); N] }
     }
     fn exp(self) -> Self {
         let e = self.v.exp();

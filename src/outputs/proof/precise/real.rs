@@ -1,15 +1,15 @@
 //! The operations that a model needs of a number. With them it is written once and evaluated in double precision, in
 //! double-double, and with derivatives.
 
-use super::dd::Dd;
-use mesophyll_base::solve::qr::Number;
+use super::dd::DoubleDouble;
+use mesophyll_base::solvers::qr::MatrixScalar;
 use std::fmt::Debug;
 
 /// A real number with the elementary functions. Implemented by `f64`, [`Dd`] (about 31 digits) and [`super::Dual`]
 /// (value and gradient).
-pub trait Real: Number + Debug {
+pub trait PreciseReal: MatrixScalar + Debug {
     /// A constant known to double-double precision, rounded to what the type holds.
-    fn precise(value: Dd) -> Self;
+    fn precise(value: DoubleDouble) -> Self;
     fn exp(self) -> Self;
     /// Natural logarithm.
     fn ln(self) -> Self;
@@ -33,12 +33,12 @@ pub trait Real: Number + Debug {
 
     /// The circle constant.
     fn pi() -> Self {
-        Self::precise(Dd::PI)
+        Self::precise(DoubleDouble::PI)
     }
 }
 
-impl Real for f64 {
-    fn precise(value: Dd) -> Self {
+impl PreciseReal for f64 {
+    fn precise(value: DoubleDouble) -> Self {
         value.value()
     }
     fn exp(self) -> Self {

@@ -2,9 +2,9 @@
 //! Jᵀr of a good fit is lost in the rounding of its terms, at about half the digits of the condition number. With 31
 //! digits it is not.
 
-use super::{Dd, Precise};
-use mesophyll_base::solve::qr::{self, Number};
-use mesophyll_base::solve::{Fit, Noise, Uncertainty};
+use super::{DoubleDouble, PreciseProblem};
+use mesophyll_base::solvers::qr::{self, MatrixScalar};
+use mesophyll_base::solvers::{Fit, ResidualNoise, Uncertainty};
 
 /// Relative steps below this are converged. It is smaller than any `f64` result shows, and larger than the rounding of
 /// ill-conditioned systems.
@@ -13,23 +13,23 @@ const MAX_STEPS: usize = 200;
 
 /// The fit with its last digits. The fit is returned unchanged where it did not converge or rests on a bound, where the
 /// problem is rank-deficient or not finite, and where the steps do not contract.
-pub fn refined(problem: &dyn Precise, fit: Fit, noise: Noise) -> Fit {
+pub fn refined(problem: &dyn PreciseProblem, fit: Fit, noise: ResidualNoise) -> Fit {
     let sound = fit.converged() && fit.at_bound.is_empty();
     sound.then(|| refine(problem, &fit, noise)).flatten().unwrap_or(fit)
 }
 
-fn refine(problem: &dyn Precise, fit: &Fit, noise: Noise) -> Option<Fit> {
+fn refine(problem: &dyn PreciseProblem, fit: &Fit, noise: ResidualNoise) -> Option<Fit> {
     let (n, m) = (problem.parameters(), problem.residuals());
     if m < n {
         return None;
     }
-    let mut x: Vec<Dd> = fit.params.iter().map(|v| Dd::constant(*v)).collect();
-    let (mut r, mut j) = (vec![Dd::zero(); m], vec![Dd::zero(); n * m]);
+    let mut x: Vec<DoubleDouble> = fit.params.iter().map(|v| DoubleDouble::constant(*v)).collect();
+    let (mut r, mut j) = (vec![DoubleDouble::zero(); m], vec![DoubleDouble::zero(); n * m]);
     let mut step = f64::INFINITY;
     for evaluations in 1..=MAX_STEPS {
         problem.precise(&x, &mut r, &mut j);
         let residuals: Vec<f64> = r.iter().map(|v| v.value()).collect();
-        let chi2 = r.iter().fold(Dd::zero(), |s, v| s + *v * *v);
+        let chi2 = r.iter().fold(DoubleDouble::zero(), |s, v| s + *v * *v);
         // A parameter at zero has no relative step. It is measured by its effect on the residuals, compared with that
         // of the others.
         let columns: Vec<f64> = (0..n).map(|k| qr::length(&j[k * m..(k + 1) * m]).value()).collect();

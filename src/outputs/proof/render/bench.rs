@@ -1,12 +1,12 @@
 //! Rays and camera paths a second on one thread, compared with Embree and Mitsuba on the same triangles and rays, in
 //! turns.
 
-use super::Foliage;
-use super::paths::Scene;
+use super::ProofFoliage;
+use super::paths::ProofScene;
 use crate::bench::{BenchRow, median_us};
-use crate::peers::Inputs;
+use crate::peers::PeerInputs;
 use glam::DVec3;
-use mesophyll_transport::rays::{Forest, Hit, Ray, Shape};
+use mesophyll_transport::rays::{InstanceForest, Ray, RayHit, TriangleTree};
 use std::hint::black_box;
 
 /// Rays of a camera and incoherent ones are asked for in lots of this size, as the path tracer does.
@@ -15,7 +15,7 @@ const AT_ONCE: usize = 256;
 /// The three kinds of rays.
 pub const KINDS: [&str; 3] = ["camera", "incoherent", "shadow"];
 
-impl Foliage {
+impl ProofFoliage {
     fn rays(&self, kind: &str) -> &[Ray] {
         match kind {
             "camera" => &self.camera,
@@ -29,7 +29,7 @@ impl Foliage {
     fn found(&self, kind: &str) -> Vec<i32> {
         let rays = self.rays(kind);
         // As the path tracer asks such rays: many at once.
-        let many = |find: fn(&Forest, &[Ray]) -> Vec<Option<Hit>>| {
+        let many = |find: fn(&InstanceForest, &[Ray]) -> Vec<Option<RayHit>>| {
             rays.chunks(AT_ONCE).flat_map(|rays| find(&self.forest, rays)).map(triangle).collect()
         };
         match kind {
@@ -48,7 +48,7 @@ impl Foliage {
 }
 
 /// The triangle of a hit; −1: none.
-fn triangle(hit: Option<Hit>) -> i32 {
+fn triangle(hit: Option<RayHit>) -> i32 {
     hit.map_or(-1, |hit| hit.triangle as i32)
 }
 
@@ -58,8 +58,8 @@ fn triangle(hit: Option<Hit>) -> i32 {
 /// # Errors
 /// Those of [`Scene::new`].
 pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
-    let foliage = Foliage::new();
-    let build = median_us(0.0, || Shape::new(&foliage.positions, &foliage.indices));
+    let foliage = ProofFoliage::new();
+    let build = median_us(0.0, || TriangleTree::new(&foliage.positions, &foliage.indices));
     let alone = alone(&foliage);
     let mut rows = vec![BenchRow {
         model: "render".into(),
@@ -85,7 +85,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
             note: format!("{:.2} Mrays/s, one thread, {} rays; share of wrong answers", 1.0 / us, rays.len()),
         });
     }
-    let scene = Scene::new(&foliage)?;
+    let scene = ProofScene::new(&foliage)?;
     let mut times = [scene.time(), scene.time(), scene.time()];
     times.sort_by(f64::total_cmp);
     let us = times[1];
@@ -101,7 +101,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
 }
 
 /// Every triangle by itself, so that no tree takes part in the answer.
-fn alone(foliage: &Foliage) -> Vec<[DVec3; 3]> {
+fn alone(foliage: &ProofFoliage) -> Vec<[DVec3; 3]> {
     foliage.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|k| foliage.positions[t[k] as usize])).collect()
 }
 
@@ -127,8 +127,8 @@ fn without_tree(triangles: &[[DVec3; 3]], kind: &str, ray: &Ray) -> i32 {
 ///
 /// # Errors
 /// Those of [`Scene::new`] and [`Scene::told`].
-pub fn peers() -> crate::Result<Inputs> {
-    let foliage = Foliage::new();
+pub fn peers() -> crate::Result<PeerInputs> {
+    let foliage = ProofFoliage::new();
     let floats = |points: &mut dyn Iterator<Item = DVec3>| -> Vec<u8> {
         points.flat_map(|p| p.as_vec3().to_array()).flat_map(f32::to_le_bytes).collect()
     };
@@ -142,8 +142,8 @@ pub fn peers() -> crate::Result<Inputs> {
         files.push((format!("{kind}.f32"), floats(both)));
         files.push((format!("{kind}.i32"), foliage.found(kind).iter().flat_map(|i| i.to_le_bytes()).collect()));
     }
-    let scene = Scene::new(&foliage)?;
+    let scene = ProofScene::new(&foliage)?;
     files.push(("paths.json".into(), scene.told()?.to_string().into_bytes()));
     let turn = move |kind: &str| if kind == "paths" { scene.time() } else { foliage.time(kind) };
-    Ok(Inputs { files, ours: Vec::new(), turn: Some(Box::new(turn)) })
+    Ok(PeerInputs { files, ours: Vec::new(), turn: Some(Box::new(turn)) })
 }

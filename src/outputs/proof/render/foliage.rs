@@ -3,7 +3,7 @@
 //! get the same input.
 
 use glam::{DMat4, DQuat, DVec3};
-use mesophyll_transport::rays::{Forest, Ray, Shape};
+use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
@@ -26,13 +26,13 @@ const STEP: f64 = 0.02;
 const SUN: f64 = 0.0046;
 
 /// The crown and its rays.
-pub struct Foliage {
+pub struct ProofFoliage {
     /// Corners of all leaves (mm).
     pub positions: Vec<DVec3>,
     /// Three indices for each triangle.
     pub indices: Vec<u32>,
     /// The crown as one mesh.
-    pub forest: Forest,
+    pub forest: InstanceForest,
     /// Rays row by row through the pixels of a picture that the crown fills.
     pub camera: Vec<Ray>,
     /// From each place that the camera sees, in a direction that is uniform over the sphere.
@@ -53,15 +53,18 @@ fn uniform(rng: &mut Pcg64) -> DVec3 {
     DVec3::new(r * cos, r * sin, z)
 }
 
-impl Foliage {
+impl ProofFoliage {
     /// Makes the crown, which is always the same.
-    pub fn new() -> Foliage {
+    pub fn new() -> ProofFoliage {
         let mut rng = Pcg64::seed_from_u64(7);
         let (mut positions, mut indices) = (Vec::new(), Vec::new());
         for _ in 0..LEAVES {
             leaf(&mut rng, &mut positions, &mut indices);
         }
-        let forest = Forest::new(vec![Shape::with_solid(&positions, &indices, |_| true)], &[(0, DMat4::IDENTITY)]);
+        let forest = InstanceForest::new(
+            vec![TriangleTree::with_solid(&positions, &indices, |_| true)],
+            &[(0, DMat4::IDENTITY)],
+        );
         let camera = camera();
         let sun = DVec3::new(0.4, -0.3, 0.86).normalize();
         let (mut incoherent, mut shadow) = (Vec::new(), Vec::new());
@@ -77,13 +80,13 @@ impl Foliage {
             incoherent.push(start(uniform(&mut rng)));
             shadow.push(start((sun + uniform(&mut rng) * SUN).normalize()));
         }
-        Foliage { positions, indices, forest, camera, incoherent, shadow }
+        ProofFoliage { positions, indices, forest, camera, incoherent, shadow }
     }
 }
 
-impl Default for Foliage {
+impl Default for ProofFoliage {
     fn default() -> Self {
-        Foliage::new()
+        ProofFoliage::new()
     }
 }
 

@@ -4,4 +4,4 @@ pub mod bench;
 mod foliage;
 pub mod paths;
 
-pub use foliage::Foliage;
+pub use foliage::ProofFoliage;

@@ -1,12 +1,14 @@
 //! Camera paths a second on one thread: the crown with matte leaves under an even sky, with at most eight scatterings.
 
-use super::Foliage;
+use super::ProofFoliage;
 use super::foliage::{EYE, TANGENT};
 use glam::{DMat4, DVec2, DVec3};
-use mesophyll_transport::Camera;
+use mesophyll_transport::ReferenceCamera;
 use mesophyll_transport::lobe::Lobe;
-use mesophyll_transport::path::{Paths, Picture, Request, Strategy, Target, Tracer};
-use mesophyll_transport::world::{Interior, Placement, ReferenceLeaf, ReferenceMesh, ReferenceSide, World};
+use mesophyll_transport::path::{PathPicture, PathRequest, PathSettings, PathTracer, SamplingStrategy, SamplingTarget};
+use mesophyll_transport::world::{
+    ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld,
+};
 use serde_json::{Value, json};
 
 /// Pixels along a side of the picture, and paths for each pixel.
@@ -18,17 +20,17 @@ const RHO: f64 = 0.5;
 const BOUNCES: u32 = 8;
 
 /// The picture that both programs draw.
-pub struct Scene {
-    world: World,
+pub struct ProofScene {
+    world: ReferenceWorld,
     pool: rayon::ThreadPool,
 }
 
-impl Scene {
+impl ProofScene {
     /// The crown with flat triangles, because the peer has no normals for its corners.
     ///
     /// # Errors
     /// [`crate::Error::Missed`] where no thread can be started.
-    pub fn new(foliage: &Foliage) -> crate::Result<Scene> {
+    pub fn new(foliage: &ProofFoliage) -> crate::Result<ProofScene> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let pool = pool.map_err(|e| crate::Error::Missed(format!("no thread could be started: {e}")))?;
         let mut mesh = ReferenceMesh::default();
@@ -41,7 +43,7 @@ impl Scene {
             mesh.uvs.extend([DVec2::ZERO; 3]);
         }
         let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
-        let interior = Interior::Maps { rho_d: map(RHO), rho_t: map(0.0) };
+        let interior = ReferenceInterior::Maps { rho_d: map(RHO), rho_t: map(0.0) };
         let side = ReferenceSide { interior, gloss: None, normal: None };
         let leaf = ReferenceLeaf {
             mesh,
@@ -52,19 +54,22 @@ impl Scene {
             mask: None,
             lobe: Lobe::Beckmann,
         };
-        let instances = vec![Placement { leaf: 0, transform: DMat4::IDENTITY }];
-        Ok(Scene { world: World { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..World::default() }, pool })
+        let instances = vec![ReferencePlacement { leaf: 0, transform: DMat4::IDENTITY }];
+        Ok(ProofScene {
+            world: ReferenceWorld { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..ReferenceWorld::default() },
+            pool,
+        })
     }
 
     /// Draws the picture once: the mean radiance of all pixels, its standard error, and the time (s) without that of
     /// the box tree, which the peer builds beforehand.
     fn draw(&self) -> crate::Result<(f64, f64, f64)> {
-        let paths = Paths { bounces: Some(BOUNCES), strategy: Strategy::default() };
-        let tracer = Tracer::new(&self.world, paths)?;
-        let camera = Camera { eye: EYE, target: DVec3::ZERO, up: DVec3::Z, fov_y_deg: fov_deg() };
-        let target = Target { samples: Some(SAMPLES), error: None };
-        let request = Request { camera, size: [PIXELS; 2], seed: 1, target };
-        let mut picture = Picture::new(PIXELS, PIXELS);
+        let paths = PathSettings { bounces: Some(BOUNCES), strategy: SamplingStrategy::default() };
+        let tracer = PathTracer::new(&self.world, paths)?;
+        let camera = ReferenceCamera { eye: EYE, target: DVec3::ZERO, up: DVec3::Z, fov_y_deg: fov_deg() };
+        let target = SamplingTarget { samples: Some(SAMPLES), error: None };
+        let request = PathRequest { camera, size: [PIXELS; 2], seed: 1, target };
+        let mut picture = PathPicture::new(PIXELS, PIXELS);
         let clock = std::time::Instant::now();
         self.pool.install(|| picture.draw(&tracer, &request, "paths", &mut |_| Ok(())))?;
         let seconds = clock.elapsed().as_secs_f64();
@@ -76,7 +81,7 @@ impl Scene {
 
     /// Time of a camera path (µs), measured over one picture; NaN where it cannot be drawn.
     pub fn time(&self) -> f64 {
-        self.draw().map_or(f64::NAN, |(_, _, seconds)| seconds * 1e6 / Scene::paths() as f64)
+        self.draw().map_or(f64::NAN, |(_, _, seconds)| seconds * 1e6 / ProofScene::paths() as f64)
     }
 
     /// Number of camera paths of the picture.

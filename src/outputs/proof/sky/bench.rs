@@ -1,12 +1,14 @@
 //! `bench sky`: error against terms, bytes, fit time and evaluation time, with the dissertation's fit for comparison;
 //! also integration and windows.
 
-use super::figures::{self, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_US, Point};
+use super::figures::{
+    self, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_US, FrontierPoint,
+};
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
 use mesophyll_fits::sky::{standard, window};
 use mesophyll_sky::Preetham;
-use mesophyll_sky::project::{Quality, Rule};
+use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule};
 
 fn row(knob: &str, setting: String, error: f64, us: f64, note: String) -> BenchRow {
     BenchRow { model: "sky".into(), knob: knob.into(), setting, error, us, note }
@@ -45,15 +47,18 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         rows.push(row("turbidity fixed", "fine".into(), error, us, "the sun alone moves".into()));
     }
     let skies = [(0.3, 2.5), (1.1, 4.0), (1.5, 3.0), (1.57, 6.0)];
-    for (name, quality) in [("fit's rule", Quality::Fit), ("exact", Quality::Exact)] {
+    for (name, quality) in [("fit's rule", ProjectionQuality::Fit), ("exact", ProjectionQuality::Exact)] {
         let (mut error, mut us, mut nodes) = (0.0f64, 0.0, 0);
         for (s, t) in skies {
             let Ok(sky) = Preetham.at(s, t) else { continue };
-            let (got, want) = (Rule::new(s, 7, quality).project(&sky), Rule::new(s, 7, Quality::Checked).project(&sky));
+            let (got, want) = (
+                ProjectionRule::new(s, 7, quality).project(&sky),
+                ProjectionRule::new(s, 7, ProjectionQuality::Checked).project(&sky),
+            );
             let c00 = want.get(0, 0).into_iter().fold(f64::INFINITY, f64::min);
             error = got.distance(&want).into_iter().fold(error, |e, d| e.max(d / c00));
-            us += median_us(20.0, || Rule::new(s, 7, quality).project(&sky)) / skies.len() as f64;
-            nodes += Rule::new(s, 7, quality).evaluations() / skies.len();
+            us += median_us(20.0, || ProjectionRule::new(s, 7, quality).project(&sky)) / skies.len() as f64;
+            nodes += ProjectionRule::new(s, 7, quality).evaluations() / skies.len();
         }
         rows.push(row(
             "integration",
@@ -78,7 +83,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
 }
 
 /// The frontier's rows.
-fn of_points(points: &[Point]) -> Vec<BenchRow> {
+fn of_points(points: &[FrontierPoint]) -> Vec<BenchRow> {
     let evaluated = points.iter().map(|p| {
         let note = format!("{} terms, {} bytes; error in f64 {:.1e}", p.terms, p.bytes, p.wide);
         row(&format!("{}: evaluation", p.family), p.setting.clone(), p.judged.worst, p.evaluate_us, note)

@@ -1,8 +1,8 @@
 //! The pictures of the sky's fits: the frontier, errors by band, the worst case and the ringing, as SVG.
 
 use crate::sky::figures::{
-    Curve, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, Figures,
-    Point,
+    DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, FrontierPoint,
+    SkyProofCurve, SkyProofFigures,
 };
 use crate::{Error, Result};
 use mesophyll_files::atomic;
@@ -20,8 +20,8 @@ type Drawn = std::result::Result<(), String>;
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
-pub fn pictures(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
-    let Figures { points, bands, worst, ringing } = figures;
+pub fn pictures(folder: &Path, figures: &SkyProofFigures) -> Result<Vec<PathBuf>> {
+    let SkyProofFigures { points, bands, worst, ringing } = figures;
     let mut files = Vec::new();
     let mut save = |name: &str, size: (u32, u32), draw: &dyn Fn(&Area) -> Drawn| -> Result<()> {
         let path = folder.join(name);
@@ -38,7 +38,8 @@ pub fn pictures(folder: &Path, figures: &Figures) -> Result<Vec<PathBuf>> {
     };
     save("sky-frontier.svg", (980, 760), &|area| frontier(area, points))?;
     save("sky-error-by-band.svg", (760, 500), &|area| {
-        let claims = [Curve { name: "dissertation's claims, E_mean".into(), points: vec![(5.0, 5e-5), (7.0, 0.015)] }];
+        let claims =
+            [SkyProofCurve { name: "dissertation's claims, E_mean".into(), points: vec![(5.0, 5e-5), (7.0, 0.015)] }];
         by_band(area, bands, &claims)
     })?;
     save("sky-worst.svg", (860, 620), &|area| {
@@ -86,10 +87,10 @@ fn span(values: impl Iterator<Item = f64> + Clone) -> Range<f64> {
 }
 
 /// Four panels over one error: terms, bytes, fit time, evaluation time.
-fn frontier(area: &Area, points: &[Point]) -> Drawn {
+fn frontier(area: &Area, points: &[FrontierPoint]) -> Drawn {
     let title = "Sky fits, 7 bands: worst error over the smallest c00 (turbidity 2.5–6, sun from zenith to horizon)";
     let area = area.titled(title, ("sans-serif", 17)).map_err(text)?;
-    type Of = fn(&Point) -> f64;
+    type Of = fn(&FrontierPoint) -> f64;
     let panels: [(&str, Of, f64); 4] = [
         ("terms a function", |p| p.terms as f64, DISSERTATION_TERMS),
         ("bytes", |p| p.bytes as f64, DISSERTATION_BYTES),
@@ -161,7 +162,7 @@ fn legend<'b, X: Ranged, Y: Ranged>(chart: &mut Chart<'b, 'b, X, Y>, position: S
 }
 
 /// Errors by number of bands, with a logarithmic upward axis.
-fn by_band(area: &Area, curves: &[Curve], claims: &[Curve]) -> Drawn {
+fn by_band(area: &Area, curves: &[SkyProofCurve], claims: &[SkyProofCurve]) -> Drawn {
     let all = || curves.iter().chain(claims).flat_map(|c| c.points.iter().map(|p| p.1)).filter(|e| *e > 0.0);
     let mut chart = ChartBuilder::on(area)
         .caption("Error by number of bands: the worst sky of the domain", ("sans-serif", 17))
@@ -202,7 +203,7 @@ fn by_band(area: &Area, curves: &[Curve], claims: &[Curve]) -> Drawn {
 }
 
 /// Curves along the meridian, with the half below the horizon shaded and the legend at `position`.
-fn lines(area: &Area, title: &str, what: &str, curves: &[Curve], position: SeriesLabelPosition) -> Drawn {
+fn lines(area: &Area, title: &str, what: &str, curves: &[SkyProofCurve], position: SeriesLabelPosition) -> Drawn {
     let values = || curves.iter().flat_map(|c| c.points.iter().map(|p| p.1));
     let (low, high) = (values().fold(0.0, f64::min), values().fold(0.0, f64::max));
     let room = 0.06 * (high - low).max(1e-300);

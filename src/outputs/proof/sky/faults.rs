@@ -2,10 +2,10 @@
 //! picture shows must leave the turbidity undetermined or be refused.
 
 use crate::stress::StressRow;
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_fits::sky::panorama;
-use mesophyll_fits::sky::panorama::picture::{Channels, read};
-use mesophyll_fits::sky::panorama::render::{Shot, render};
+use mesophyll_fits::sky::panorama::picture::{PanoramaChannels, read};
+use mesophyll_fits::sky::panorama::render::{PanoramaShot, render};
 use mesophyll_sky::Preetham;
 use std::path::Path;
 use std::time::Instant;
@@ -47,7 +47,14 @@ fn run((name, expected, change): &Fault) -> StressRow {
     let verdict = match Preetham.at(0.9, 3.0) {
         Err(e) => format!("wrong: {e}"),
         Ok(sky) => {
-            let shot = Shot { width: WIDTH, height: HEIGHT, azimuth: 0.7, noise: 0.02, seed: 11, ..Shot::default() };
+            let shot = PanoramaShot {
+                width: WIDTH,
+                height: HEIGHT,
+                azimuth: 0.7,
+                noise: 0.02,
+                seed: 11,
+                ..PanoramaShot::default()
+            };
             let mut maps = render(&sky, &shot);
             for (c, (_, plane)) in maps.channels.iter_mut().enumerate() {
                 plane.iter_mut().enumerate().for_each(|(k, v)| *v = change(*v, c, k % WIDTH, k / WIDTH));
@@ -55,7 +62,7 @@ fn run((name, expected, change): &Fault) -> StressRow {
             if name.starts_with("a mirror image") {
                 mirror(&mut maps);
             }
-            read(Path::new("sky.exr"), &maps, shot.projection, &Channels::default())
+            read(Path::new("sky.exr"), &maps, shot.projection, &PanoramaChannels::default())
                 .map_err(|e| e.to_string())
                 .and_then(|picture| panorama::fit(&picture, None))
                 .map_or_else(|why| format!("refused: {why}"), |found| found.status.to_string())
@@ -72,7 +79,7 @@ fn run((name, expected, change): &Fault) -> StressRow {
     }
 }
 
-fn mirror(maps: &mut Maps) {
+fn mirror(maps: &mut ChannelMaps) {
     maps.channels.iter_mut().for_each(|(_, plane)| plane.chunks_mut(WIDTH).for_each(<[f32]>::reverse));
 }
 

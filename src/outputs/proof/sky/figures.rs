@@ -3,11 +3,11 @@
 
 use crate::bench::median_us;
 use crate::{Error, Result};
-use mesophyll_fits::sky::judge::{Judged, Reference, judge};
-use mesophyll_fits::sky::{Fitted, Form, Method, Options, folded, window};
-use mesophyll_sky::harmonics::Basis;
-use mesophyll_sky::window::Window;
-use mesophyll_sky::{Coefficients, Preetham, Sky, colour, preetham, project};
+use mesophyll_fits::sky::judge::{SkyFitErrors, SkyFitReference, judge};
+use mesophyll_fits::sky::{Options, SkyFit, SkyFitForm, SkyFitMethod, folded, window};
+use mesophyll_sky::harmonics::HarmonicBasis;
+use mesophyll_sky::window::HarmonicWindow;
+use mesophyll_sky::{HarmonicCoefficients, Preetham, Sky, colour, preetham, projection};
 use std::f64::consts::PI;
 
 /// Size of the dissertation's coefficients in bytes (Habel 2009, §5.3.1 and 5.4). This and the next three are what the
@@ -25,7 +25,7 @@ pub const DISSERTATION_ERROR: f64 = 0.0075;
 /// One fit on the frontier, judged in f32. (The dissertation's monomials are judged in f64, because f32 cannot evaluate
 /// them.)
 #[derive(Debug, Clone)]
-pub struct Point {
+pub struct FrontierPoint {
     /// The kind of polynomials, for the picture's legend.
     pub family: &'static str,
     /// Their degrees or number of terms.
@@ -39,7 +39,7 @@ pub struct Point {
     /// Time of one evaluation (µs).
     pub evaluate_us: f64,
     /// Its errors, in f32 where f32 can evaluate it.
-    pub judged: Judged,
+    pub judged: SkyFitErrors,
     /// Worst error in f64.
     pub wide: f64,
 }
@@ -58,14 +58,20 @@ fn staircases() -> Vec<Vec<usize>> {
     all
 }
 
-fn point(family: &'static str, setting: String, fitted: &Fitted, fit_us: f64, reference: &Reference) -> Option<Point> {
+fn point(
+    family: &'static str,
+    setting: String,
+    fitted: &SkyFit,
+    fit_us: f64,
+    reference: &SkyFitReference,
+) -> Option<FrontierPoint> {
     let form = fitted.form.as_ref()?;
-    let monomials = matches!(fitted.options.method, Method::MonomialsQr | Method::MonomialsNormal);
+    let monomials = matches!(fitted.options.method, SkyFitMethod::MonomialsQr | SkyFitMethod::MonomialsNormal);
     let narrow = form.narrow();
     let wide = judge(form, reference);
     let (judged, bytes, evaluate_us) = match (monomials, &narrow) {
         (true, _) => (wide.clone(), form.bytes(), median_us(30.0, || form.coefficients(1.1, 3.3))),
-        (false, Form::Folded(f)) => {
+        (false, SkyFitForm::Folded(f)) => {
             let mut out = vec![[0.0f32; 3]; f.bands() * f.bands()];
             (
                 judge(&narrow, reference),
@@ -73,11 +79,11 @@ fn point(family: &'static str, setting: String, fitted: &Fitted, fit_us: f64, re
                 thousand_us(|k| f.fill(1.1 + 1e-4 * k, 3.3 + 1e-4 * k, &mut out)),
             )
         }
-        (false, Form::Tensor(_)) => {
+        (false, SkyFitForm::Tensor(_)) => {
             (judge(&narrow, reference), narrow.bytes(), median_us(30.0, || narrow.coefficients(1.1, 3.3)))
         }
     };
-    Some(Point { family, setting, terms: form.terms(), bytes, fit_us, evaluate_us, judged, wide: wide.worst })
+    Some(FrontierPoint { family, setting, terms: form.terms(), bytes, fit_us, evaluate_us, judged, wide: wide.worst })
 }
 
 /// Time of one call (µs), for work that is faster than the clock can measure.
@@ -89,7 +95,7 @@ pub fn thousand_us(mut work: impl FnMut(f64)) -> f64 {
 ///
 /// # Errors
 /// As [`mesophyll_fits::sky::fit`].
-pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
+pub fn frontier(reference: &SkyFitReference, grid: usize) -> Result<Vec<FrontierPoint>> {
     let mut out = Vec::new();
     let options = Options { grid, ..Options::default() };
     for rows in staircases() {
@@ -107,7 +113,8 @@ pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
         out.extend(point("folded", name, &last, times[1], reference));
     }
     for degrees in [[5, 3], [7, 4], [9, 5], [11, 6], [13, 7], [17, 9], [21, 11]] {
-        let fitted = mesophyll_fits::sky::fit(&Options { method: Method::Chebyshev, degrees, ..options.clone() })?;
+        let fitted =
+            mesophyll_fits::sky::fit(&Options { method: SkyFitMethod::Chebyshev, degrees, ..options.clone() })?;
         out.extend(point(
             "chebyshev",
             format!("({}, {})", degrees[0], degrees[1]),
@@ -116,14 +123,14 @@ pub fn frontier(reference: &Reference, grid: usize) -> Result<Vec<Point>> {
             reference,
         ));
     }
-    let fitted = mesophyll_fits::sky::fit(&Options { method: Method::MonomialsQr, ..options })?;
+    let fitted = mesophyll_fits::sky::fit(&Options { method: SkyFitMethod::MonomialsQr, ..options })?;
     out.extend(point("monomials f64", "(13, 7)".into(), &fitted, fitted.seconds() * 1e6, reference));
     Ok(out)
 }
 
 /// A curve of a chart.
 #[derive(Debug, Clone)]
-pub struct Curve {
+pub struct SkyProofCurve {
     /// Name of the curve, for the picture's legend.
     pub name: String,
     /// Abscissa and ordinate of every point.
@@ -132,7 +139,7 @@ pub struct Curve {
 
 /// Errors by the number of bands used (Habel 2009, Fig. 5.4): largest sum of errors (E_max) and largest root of squares
 /// (E_mean) of any sky.
-pub fn by_band(points: &[Point]) -> Vec<Curve> {
+pub fn by_band(points: &[FrontierPoint]) -> Vec<SkyProofCurve> {
     let mut out = Vec::new();
     let shown = points
         .iter()
@@ -141,7 +148,7 @@ pub fn by_band(points: &[Point]) -> Vec<Curve> {
         for (k, what) in [(1, "E_max"), (0, "E_mean")] {
             let points = p.judged.by_bands.iter().enumerate().map(|(n, e)| ((n + 1) as f64, e[k])).collect();
             let name = if p.family == "folded" { p.setting.clone() } else { format!("{} {}", p.family, p.setting) };
-            out.push(Curve { name: format!("{name}, {what}"), points });
+            out.push(SkyProofCurve { name: format!("{name}, {what}"), points });
         }
     }
     out
@@ -156,7 +163,7 @@ fn meridian() -> impl Iterator<Item = (f64, [f64; 3])> {
     })
 }
 
-fn luminance(c: &Coefficients, basis: &Basis) -> Vec<(f64, f64)> {
+fn luminance(c: &HarmonicCoefficients, basis: &HarmonicBasis) -> Vec<(f64, f64)> {
     meridian().map(|(a, d)| (a, colour::xyz_from_rgb(basis.sum(c, d))[1])).collect()
 }
 
@@ -164,42 +171,43 @@ fn luminance(c: &Coefficients, basis: &Basis) -> Vec<(f64, f64)> {
 /// dissertation's polynomials, and the differences of these and of the fine fit to the integrated bands (luminance,
 /// kcd/m²).
 #[derive(Debug, Clone)]
-pub struct Worst {
+pub struct WorstSky {
     /// Sun zenith angle of the worst sky (rad).
     pub sun_zenith: f64,
     /// Turbidity of the worst sky.
     pub turbidity: f64,
     /// Seven bands, integrated directly.
-    pub correct: Curve,
+    pub correct: SkyProofCurve,
     /// Seven bands from the dissertation's polynomials.
-    pub reconstructed: Curve,
+    pub reconstructed: SkyProofCurve,
     /// `reconstructed` less `correct`.
-    pub difference: Curve,
+    pub difference: SkyProofCurve,
     /// The program's own fit less `correct`.
-    pub fine: Curve,
+    pub fine: SkyProofCurve,
 }
 
 /// # Errors
 /// As [`mesophyll_fits::sky::fit`].
-pub fn worst(reference: &Reference, grid: usize) -> Result<Worst> {
-    let refused = |e: mesophyll_sky::Refused| Error::Missed(e.to_string());
-    let fitted = mesophyll_fits::sky::fit(&Options { method: Method::ChebyshevGrid, grid, ..Options::default() })?;
+pub fn worst(reference: &SkyFitReference, grid: usize) -> Result<WorstSky> {
+    let refused = |e: mesophyll_sky::SkyRefusal| Error::Missed(e.to_string());
+    let fitted =
+        mesophyll_fits::sky::fit(&Options { method: SkyFitMethod::ChebyshevGrid, grid, ..Options::default() })?;
     let form = fitted.form.ok_or_else(|| Error::Missed(fitted.remark.clone()))?;
     let (sun_zenith, turbidity, _) = judge(&form, reference).worst_at;
-    let want = project::direct(&Preetham.at(sun_zenith, turbidity).map_err(refused)?, 7);
-    let basis = Basis::new(7);
+    let want = projection::direct(&Preetham.at(sun_zenith, turbidity).map_err(refused)?, 7);
+    let basis = HarmonicBasis::new(7);
     let correct = luminance(&want, &basis);
     let got = luminance(&form.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
     let fine =
         luminance(&mesophyll_fits::sky::standard()?.coefficients(sun_zenith, turbidity).map_err(refused)?, &basis);
     let less = |a: &[(f64, f64)]| a.iter().zip(&correct).map(|(a, b)| (a.0, a.1 - b.1)).collect();
-    Ok(Worst {
+    Ok(WorstSky {
         sun_zenith,
         turbidity,
-        difference: Curve { name: "degree (13, 7) − correct".into(), points: less(&got) },
-        fine: Curve { name: "fine (f32) − correct".into(), points: less(&fine) },
-        reconstructed: Curve { name: "degree (13, 7) in θs and τ".into(), points: got },
-        correct: Curve { name: "correct".into(), points: correct },
+        difference: SkyProofCurve { name: "degree (13, 7) − correct".into(), points: less(&got) },
+        fine: SkyProofCurve { name: "fine (f32) − correct".into(), points: less(&fine) },
+        reconstructed: SkyProofCurve { name: "degree (13, 7) in θs and τ".into(), points: got },
+        correct: SkyProofCurve { name: "correct".into(), points: correct },
     })
 }
 
@@ -208,22 +216,22 @@ pub fn worst(reference: &Reference, grid: usize) -> Result<Worst> {
 ///
 /// # Errors
 /// As [`window::matched`].
-pub fn ringing() -> Result<Vec<Curve>> {
+pub fn ringing() -> Result<Vec<SkyProofCurve>> {
     let sky = Preetham.at(1.3, 3.0).map_err(|e| Error::Missed(e.to_string()))?;
-    let c = project::direct(&sky, 7);
-    let basis = Basis::new(7);
+    let c = projection::direct(&sky, 7);
+    let basis = HarmonicBasis::new(7);
     let mean = colour::xyz_from_rgb(c.get(0, 0))[1] * (4.0 * PI).sqrt() / (2.0 * PI);
     let over = |points: Vec<(f64, f64)>| points.into_iter().map(|(a, v)| (a, v / mean)).collect();
     let itself = meridian().map(|(a, d)| (a, if d[2] > 0.0 { sky.xyz(d)[1] } else { 0.0 })).collect();
-    let mut out = vec![Curve { name: "the sky itself".into(), points: over(itself) }];
-    for w in [Window::none(7), Window::zonal(7), Window::lanczos(7), window::matched(7)?] {
+    let mut out = vec![SkyProofCurve { name: "the sky itself".into(), points: over(itself) }];
+    for w in [HarmonicWindow::none(7), HarmonicWindow::zonal(7), HarmonicWindow::lanczos(7), window::matched(7)?] {
         let name = match w.name.as_str() {
             "none" => "seven bands",
             "zonal" => "zonal filter",
             "lanczos" => "sin x/x on every order",
             _ => "fitted window",
         };
-        out.push(Curve { name: name.into(), points: over(luminance(&w.apply(&c), &basis)) });
+        out.push(SkyProofCurve { name: name.into(), points: over(luminance(&w.apply(&c), &basis)) });
     }
     Ok(out)
 }
@@ -232,28 +240,28 @@ pub fn ringing() -> Result<Vec<Curve>> {
 ///
 /// # Errors
 /// Only the model's.
-pub fn reference() -> Result<Reference> {
-    Reference::new(&Preetham, 7, preetham::TRUSTED, 33, 15).map_err(Error::Missed)
+pub fn reference() -> Result<SkyFitReference> {
+    SkyFitReference::new(&Preetham, 7, preetham::TRUSTED, 33, 15).map_err(Error::Missed)
 }
 /// Everything that the pictures of the sky's fits show.
 #[derive(Debug, Clone)]
-pub struct Figures {
+pub struct SkyProofFigures {
     /// Error against size and time, one point for each fit.
-    pub points: Vec<Point>,
+    pub points: Vec<FrontierPoint>,
     /// Error against the number of bands that are used.
-    pub bands: Vec<Curve>,
+    pub bands: Vec<SkyProofCurve>,
     /// The sky at which the dissertation's fit is worst.
-    pub worst: Worst,
+    pub worst: WorstSky,
     /// Luminance below the horizon, one curve for each window.
-    pub ringing: Vec<Curve>,
+    pub ringing: Vec<SkyProofCurve>,
 }
 
 /// Fits and judges what the pictures show. `grid` is the dissertation's (500).
 ///
 /// # Errors
 /// As [`mesophyll_fits::sky::fit`].
-pub fn all(grid: usize) -> Result<Figures> {
+pub fn all(grid: usize) -> Result<SkyProofFigures> {
     let reference = reference()?;
     let points = frontier(&reference, grid)?;
-    Ok(Figures { bands: by_band(&points), worst: worst(&reference, grid)?, ringing: ringing()?, points })
+    Ok(SkyProofFigures { bands: by_band(&points), worst: worst(&reference, grid)?, ringing: ringing()?, points })
 }

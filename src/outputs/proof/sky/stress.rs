@@ -2,10 +2,10 @@
 //! precision, and the fits that must fail.
 
 use crate::stress::StressRow;
-use mesophyll_fits::sky::judge::{Reference, judge};
-use mesophyll_fits::sky::{Fitted, Method, Options, fit, standard};
-use mesophyll_sky::project::{Quality, Rule, direct};
-use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Sky, preetham};
+use mesophyll_fits::sky::judge::{SkyFitReference, judge};
+use mesophyll_fits::sky::{Options, SkyFit, SkyFitMethod, fit, standard};
+use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule, direct};
+use mesophyll_sky::{HarmonicCoefficients, HosekWilkie, Preetham, Sky, SkyFamily, preetham};
 use std::f64::consts::FRAC_PI_2;
 use std::time::Instant;
 
@@ -53,7 +53,8 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
             Ok(sky) => {
                 let got = direct(&sky, bands);
                 let ms = clock.elapsed().as_secs_f64() * 1e3;
-                let error = off(&got, &Rule::new(sky.sun_zenith(), bands, Quality::Checked).project(&sky));
+                let error =
+                    off(&got, &ProjectionRule::new(sky.sun_zenith(), bands, ProjectionQuality::Checked).project(&sky));
                 (within(error, 1e-9), Some(-error.clamp(1e-16, 1.0).log10()), ms)
             }
         };
@@ -69,7 +70,7 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
 
     // The fit in single precision, at the corners of its domain and just outside.
     let standard = standard()?;
-    let domain = Reference::new(&Preetham, 7, preetham::TRUSTED, 3, 2).map_err(crate::Error::Missed)?;
+    let domain = SkyFitReference::new(&Preetham, 7, preetham::TRUSTED, 3, 2).map_err(crate::Error::Missed)?;
     for (sun, turbidity) in [(0.0, 2.5), (0.0, 6.0), (FRAC_PI_2, 2.5), (FRAC_PI_2, 6.0), (FRAC_PI_2 - 1e-3, 2.5)] {
         let clock = Instant::now();
         let got = standard.coefficients(sun, turbidity);
@@ -99,13 +100,13 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
 
     // The dissertation's basis, and the same function space in a basis that f64 can represent.
     let small = |method| Options { method, bands: 3, grid: 200, ..Options::default() };
-    let judged = Reference::new(&Preetham, 3, preetham::TRUSTED, 12, 5).map_err(crate::Error::Missed)?;
+    let judged = SkyFitReference::new(&Preetham, 3, preetham::TRUSTED, 12, 5).map_err(crate::Error::Missed)?;
     for (case, method, single, expected) in [
-        ("monomials (13, 7) by normal equations", Method::MonomialsNormal, false, "refused: the Gram matrix"),
-        ("monomials (13, 7) by QR", Method::MonomialsQr, false, "undetermined: rank"),
-        ("monomials (13, 7) by QR, evaluated in f32", Method::MonomialsQr, true, "undetermined: rank"),
-        ("Chebyshev (13, 7)", Method::Chebyshev, false, "ok"),
-        ("Chebyshev (13, 7), evaluated in f32", Method::Chebyshev, true, "ok"),
+        ("monomials (13, 7) by normal equations", SkyFitMethod::MonomialsNormal, false, "refused: the Gram matrix"),
+        ("monomials (13, 7) by QR", SkyFitMethod::MonomialsQr, false, "undetermined: rank"),
+        ("monomials (13, 7) by QR, evaluated in f32", SkyFitMethod::MonomialsQr, true, "undetermined: rank"),
+        ("Chebyshev (13, 7)", SkyFitMethod::Chebyshev, false, "ok"),
+        ("Chebyshev (13, 7), evaluated in f32", SkyFitMethod::Chebyshev, true, "ok"),
     ] {
         let clock = Instant::now();
         let fitted = fit(&small(method))?;
@@ -113,8 +114,9 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
         rows.push(of_fit(case, expected, &fitted, single, &judged, 1e-2, ms));
     }
     // All turbidities that the model accepts; they end a little before the pole.
-    let wide = Options { method: Method::Fine, bands: 3, turbidities: preetham::TURBIDITIES, ..Options::default() };
-    let everywhere = Reference::new(&Preetham, 3, preetham::TURBIDITIES, 12, 9).map_err(crate::Error::Missed)?;
+    let wide =
+        Options { method: SkyFitMethod::Fine, bands: 3, turbidities: preetham::TURBIDITIES, ..Options::default() };
+    let everywhere = SkyFitReference::new(&Preetham, 3, preetham::TURBIDITIES, 12, 9).map_err(crate::Error::Missed)?;
     let clock = Instant::now();
     let fitted = fit(&wide)?;
     let ms = clock.elapsed().as_secs_f64() * 1e3;
@@ -127,9 +129,9 @@ pub fn rows() -> crate::Result<Vec<StressRow>> {
 fn of_fit(
     case: &str,
     expected: &str,
-    fitted: &Fitted,
+    fitted: &SkyFit,
     single: bool,
-    reference: &Reference,
+    reference: &SkyFitReference,
     limit: f64,
     ms: f64,
 ) -> StressRow {
@@ -145,13 +147,13 @@ fn of_fit(
     row(case, expected, verdict, digits, fitted.condition.is_finite().then_some(fitted.condition), ms)
 }
 
-fn off(a: &Coefficients, b: &Coefficients) -> f64 {
+fn off(a: &HarmonicCoefficients, b: &HarmonicCoefficients) -> f64 {
     let c00 = b.get(0, 0).into_iter().fold(f64::INFINITY, f64::min);
     a.values()
         .iter()
         .zip(b.values())
         .flat_map(|(a, b)| (0..3).map(move |c| (a[c] - b[c]).abs()))
-        .fold(0.0, mesophyll_base::solve::qr::nan_max)
+        .fold(0.0, mesophyll_base::solvers::qr::nan_max)
         / c00
 }
 

@@ -3,15 +3,15 @@
 //! exact method.
 
 use crate::bench::{BenchRow, median_us};
-use mesophyll_base::solve::global::starts_in_box;
-use mesophyll_optics::slab::inverse::{self, Precision};
+use mesophyll_base::solvers::multi_start::starts_in_box;
+use mesophyll_optics::slab::inverse::{self, InversionPrecision};
 use mesophyll_optics::slab::ordinates::with_ordinates;
-use mesophyll_optics::slab::table::Table;
-use mesophyll_optics::slab::{self, Response, exact, fn_method};
+use mesophyll_optics::slab::table::SlabTable;
+use mesophyll_optics::slab::{self, SlabResponse, fn_method, medium};
 
 /// A slab 1 mm thick, so that σ in 1/mm is an optical thickness.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Slab {
+pub struct ProofSlab {
     /// Absorption coefficient (1/mm).
     pub sigma_a: f64,
     /// Scattering coefficient (1/mm).
@@ -23,16 +23,16 @@ pub struct Slab {
     /// Optical thickness Δ.
     pub delta: f64,
     /// What the exact method gives.
-    pub exact: Response,
+    pub exact: SlabResponse,
 }
 
 /// The 64 slabs, evenly over ω and ln Δ.
-pub fn slabs() -> Vec<Slab> {
+pub fn slabs() -> Vec<ProofSlab> {
     let points = starts_in_box(&[0.05, 0.05f64.ln()], &[0.995, 20f64.ln()], 64, 7).unwrap_or_default();
     let slab = |p: &Vec<f64>| {
         let (omega, one_minus_omega, delta) = (p[0], 1.0 - p[0], p[1].exp());
-        let exact = exact::solve(omega, one_minus_omega, delta);
-        Slab { sigma_a: one_minus_omega * delta, sigma_s: omega * delta, omega, one_minus_omega, delta, exact }
+        let exact = medium::solve(omega, one_minus_omega, delta);
+        ProofSlab { sigma_a: one_minus_omega * delta, sigma_s: omega * delta, omega, one_minus_omega, delta, exact }
     };
     points.iter().map(slab).collect()
 }
@@ -43,17 +43,17 @@ pub fn larger(a: f64, b: f64) -> f64 {
 }
 
 /// Larger relative error of ρd and ρt.
-pub fn forward_error(s: &Slab, r: Response) -> f64 {
+pub fn forward_error(s: &ProofSlab, r: SlabResponse) -> f64 {
     larger((r.rho_d / s.exact.rho_d - 1.0).abs(), (r.rho_t / s.exact.rho_t - 1.0).abs())
 }
 
 /// The method behind `exact`, which uses 40 ordinates, with fewer of them.
-fn ordinates(forward: &mut impl FnMut(&str, String, &dyn Fn(&Slab) -> Response, bool)) {
-    fn of<const K: usize>(forward: &mut impl FnMut(&str, String, &dyn Fn(&Slab) -> Response, bool)) {
+fn ordinates(forward: &mut impl FnMut(&str, String, &dyn Fn(&ProofSlab) -> SlabResponse, bool)) {
+    fn of<const K: usize>(forward: &mut impl FnMut(&str, String, &dyn Fn(&ProofSlab) -> SlabResponse, bool)) {
         let solve = with_ordinates::<K>();
-        let response = |s: &Slab| {
+        let response = |s: &ProofSlab| {
             let (rho_d, log_t) = solve(s.omega, s.one_minus_omega, s.delta);
-            Response { rho_d, rho_t: log_t.exp() }
+            SlabResponse { rho_d, rho_t: log_t.exp() }
         };
         forward("ordinates", K.to_string(), &response, false);
     }
@@ -73,7 +73,7 @@ fn ordinates(forward: &mut impl FnMut(&str, String, &dyn Fn(&Slab) -> Response, 
 pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     let slabs = slabs();
     let mut rows = Vec::new();
-    let mut forward = |knob: &str, setting: String, method: &dyn Fn(&Slab) -> Response, reference: bool| {
+    let mut forward = |knob: &str, setting: String, method: &dyn Fn(&ProofSlab) -> SlabResponse, reference: bool| {
         let error = slabs.iter().map(|s| forward_error(s, method(s))).fold(0.0, larger);
         rows.push(BenchRow {
             model: "slab".into(),
@@ -87,7 +87,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     };
     forward("method", "fast".into(), &|s| slab::response(s.sigma_a, s.sigma_s, 1.0), false);
     forward("method", "fn".into(), &|s| fn_method::solve(s.omega, s.one_minus_omega, s.delta, 1e-3).response, false);
-    forward("method", "exact".into(), &|s| exact::response(s.sigma_a, s.sigma_s, 1.0), true);
+    forward("method", "exact".into(), &|s| medium::response(s.sigma_a, s.sigma_s, 1.0), true);
     for order in [3, 5, 7, 9, 13, 17, 25, 33] {
         forward(
             "F_N order",
@@ -99,14 +99,15 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     ordinates(&mut forward);
     for tolerance in [1e-3, 1e-5, 1e-7, 1e-9] {
         // The tables cover only the thicknesses of these slabs, so that making them does not take minutes.
-        let table = Table::made([0.05, 20.0], tolerance);
+        let table = SlabTable::made([0.05, 20.0], tolerance);
         let setting = format!("{:.1} kB", table.bytes() as f64 / 1e3);
         forward("table size", setting, &|s| table.response(s.omega, s.one_minus_omega, s.delta), false);
     }
     for steps in 0..=4 {
-        let found =
-            |s: &Slab| inverse::after_steps(s.exact.rho_d, s.exact.rho_t, 1.0 - s.exact.rho_d - s.exact.rho_t, steps);
-        let error = |s: &Slab| {
+        let found = |s: &ProofSlab| {
+            inverse::after_steps(s.exact.rho_d, s.exact.rho_t, 1.0 - s.exact.rho_d - s.exact.rho_t, steps)
+        };
+        let error = |s: &ProofSlab| {
             let [absorbed, omega, delta] = found(s);
             larger((absorbed * delta / s.sigma_a - 1.0).abs(), (omega * delta / s.sigma_s - 1.0).abs())
         };
@@ -120,8 +121,10 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
         });
     }
     // The noise that each precision is meant for. With a noise below 1e-7 the fast one uses the exact one by itself.
-    for (setting, precision, noise) in [("fast", Precision::Fast, 1e-6), ("exact", Precision::Exact, 1e-9)] {
-        let invert = |s: &Slab| inverse::invert_with(precision, s.exact.rho_d, s.exact.rho_t, 1.0, noise, noise);
+    for (setting, precision, noise) in
+        [("fast", InversionPrecision::Fast, 1e-6), ("exact", InversionPrecision::Exact, 1e-9)]
+    {
+        let invert = |s: &ProofSlab| inverse::invert_with(precision, s.exact.rho_d, s.exact.rho_t, 1.0, noise, noise);
         let found: Vec<_> = slabs.iter().map(|s| (s, invert(s))).filter(|(_, e)| e.status.is_ok()).collect();
         let error =
             found.iter().map(|(s, e)| larger((e.sigma_a / s.sigma_a - 1.0).abs(), (e.sigma_s / s.sigma_s - 1.0).abs()));

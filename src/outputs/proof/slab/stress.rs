@@ -2,9 +2,11 @@
 //! physics requires.
 
 use crate::stress::StressRow;
-use mesophyll_optics::slab::faces::Faces;
-use mesophyll_optics::slab::inverse::{self, Coefficient, Estimate, Model, Precision, Share, Single, Status};
-use mesophyll_optics::slab::{self, exact};
+use mesophyll_optics::slab::faces::SlabFaces;
+use mesophyll_optics::slab::inverse::{
+    self, InversionPrecision, SingleMeasurement, SlabCoefficient, SlabEstimate, SlabModel, SlabShare, Status,
+};
+use mesophyll_optics::slab::{self, medium};
 use std::time::Instant;
 
 /// Inverse cases, from a committed file: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the
@@ -47,10 +49,10 @@ const REFLECTING: [(&str, f64, f64, f64, f64, &str); 9] = [
 
 /// Runs every case.
 pub fn stress_cases() -> Vec<StressRow> {
-    let model = Model::of_index(INDEX);
-    let faces = Faces::new(INDEX, 1.0);
+    let model = SlabModel::of_index(INDEX);
+    let faces = SlabFaces::new(INDEX, 1.0);
     let matched = |omega: f64, absorbed: f64, delta: f64| {
-        (slab::reduced(omega, absorbed, delta).0, exact::solve(omega, absorbed, delta))
+        (slab::reduced(omega, absorbed, delta).0, medium::solve(omega, absorbed, delta))
     };
     let reflecting = |omega: f64, absorbed: f64, delta: f64| {
         (model.response(omega, absorbed, delta), faces.shares(omega, absorbed, delta).response())
@@ -64,7 +66,7 @@ pub fn stress_cases() -> Vec<StressRow> {
         let r = faces.shares(omega, absorbed, delta).response();
         let truth = [absorbed * delta, omega * delta];
         rows.push(inverted("slab index", case, expected, Some(truth), || {
-            inverse::invert_in(&model, Precision::Fast, r.rho_d, r.rho_t, 1.0, noise, noise)
+            inverse::invert_in(&model, InversionPrecision::Fast, r.rho_d, r.rho_t, 1.0, noise, noise)
         }));
     }
     rows.extend(wrong_models(&model));
@@ -80,12 +82,12 @@ pub fn stress_cases() -> Vec<StressRow> {
 
 /// Measurements that the model does not describe. Two numbers determine two coefficients exactly, so only what no slab
 /// of the index can have shows.
-fn wrong_models(model: &Model) -> Vec<StressRow> {
+fn wrong_models(model: &SlabModel) -> Vec<StressRow> {
     let leaf = slab::reduced(0.3, 0.7, 4.0).0;
-    let fit = |r: f64, t: f64| inverse::invert_in(model, Precision::Fast, r, t, 1.0, 1e-3, 1e-3);
+    let fit = |r: f64, t: f64| inverse::invert_in(model, InversionPrecision::Fast, r, t, 1.0, 1e-3, 1e-3);
     let single = |value: f64, sigma: f64| {
-        let known = Coefficient::Absorption;
-        let single = Single { share: Share::Reflected, value, err: 1e-3, known, sigma, sigma_err: 0.0 };
+        let known = SlabCoefficient::Absorption;
+        let single = SingleMeasurement { share: SlabShare::Reflected, value, err: 1e-3, known, sigma, sigma_err: 0.0 };
         inverse::invert_single(model, &single, 1.0)
     };
     let dim = 0.5 * model.mirror.face();
@@ -109,7 +111,7 @@ fn forward(
     model: &str,
     case: &str,
     absorbed: f64,
-    both: impl FnOnce() -> (slab::Response, slab::Response),
+    both: impl FnOnce() -> (slab::SlabResponse, slab::SlabResponse),
 ) -> StressRow {
     let clock = Instant::now();
     let (got, want) = both();
@@ -158,7 +160,7 @@ fn inverse_case(record: &csv::StringRecord) -> StressRow {
     let truth = (!text(1).is_empty()).then(|| [number(2) * number(3) / h, number(1) * number(3) / h]);
     let (mut r, mut t) = (number(4), number(5));
     if truth.is_some() {
-        let at = exact::solve(number(1), number(2), number(3));
+        let at = medium::solve(number(1), number(2), number(3));
         (r, t) = (at.rho_d, at.rho_t);
     }
     if text(8) == "yes" {
@@ -173,7 +175,7 @@ fn inverted(
     case: &str,
     expected: &str,
     truth: Option<[f64; 2]>,
-    invert: impl FnOnce() -> Estimate,
+    invert: impl FnOnce() -> SlabEstimate,
 ) -> StressRow {
     let clock = Instant::now();
     let e = invert();

@@ -1,10 +1,10 @@
 //! The error histograms of the directional bases (H7 Fig. 12): how far the reconstruction by a few functions is from
 //! the full convolution, at three light angles.
 
-use crate::translucency::basis_study::Outcome;
+use crate::translucency::basis_study::BasisOutcome;
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_fits::translucency::spread::Spread;
+use mesophyll_fits::translucency::spread::TranslucencySpread;
 use mesophyll_report::COLORS;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -28,7 +28,7 @@ const WIDTHS: [u32; 4] = [2, 5, 2, 2];
 ///
 /// # Errors
 /// [`Error::Write`] where the file cannot be written.
-pub fn write(folder: &Path, cases: &[Vec<Outcome>]) -> Result<PathBuf> {
+pub fn write(folder: &Path, cases: &[Vec<BasisOutcome>]) -> Result<PathBuf> {
     let path = folder.join("translucency-basis.svg");
     let svg = draw(cases).map_err(|e| Error::write(&path, e))?;
     atomic::write_bytes(&path, svg.as_bytes())?;
@@ -40,7 +40,7 @@ fn text(e: impl std::fmt::Display) -> String {
 }
 
 /// One row for each case, one column for each light angle, one line for each basis.
-pub fn draw(cases: &[Vec<Outcome>]) -> std::result::Result<String, String> {
+pub fn draw(cases: &[Vec<BasisOutcome>]) -> std::result::Result<String, String> {
     let mut svg = String::new();
     {
         let size = (3 * PANEL.0, HEAD + PANEL.1 * cases.len() as u32);
@@ -59,7 +59,7 @@ pub fn draw(cases: &[Vec<Outcome>]) -> std::result::Result<String, String> {
 }
 
 /// Title and names of the bases with their colours.
-fn legend(area: &Area, outcomes: &[Outcome]) -> Drawn {
+fn legend(area: &Area, outcomes: &[BasisOutcome]) -> Drawn {
     let title = "Error of what a basis holds, against the full convolution (in brackets: coefficients a texel)";
     area.draw(&Text::new(title, (16, 14), ("sans-serif", 19).into_font().color(&BLACK))).map_err(text)?;
     let mut x = 16;
@@ -73,12 +73,12 @@ fn legend(area: &Area, outcomes: &[Outcome]) -> Drawn {
 }
 
 /// The name of the candidate with its number of coefficients.
-fn name(outcome: &Outcome) -> String {
+fn name(outcome: &BasisOutcome) -> String {
     format!("{} ({})", outcome.candidate.name(), outcome.candidate.basis.count())
 }
 
 /// The corners of a step line: error and share in per cent.
-fn steps(spread: &Spread) -> Vec<(f64, f64)> {
+fn steps(spread: &TranslucencySpread) -> Vec<(f64, f64)> {
     let edge = |bin: usize| 100.0 * (bin as f64 * spread.step - spread.reach());
     let corners = spread
         .histogram
@@ -100,8 +100,8 @@ fn share(value: f64) -> String {
 }
 
 /// One panel: the step lines, and in the corners the shares that are beyond the axis.
-fn histogram(area: &Area, outcomes: &[Outcome], angle: usize) -> Drawn {
-    let spreads: Vec<&Spread> = outcomes.iter().map(|o| &o.spreads[angle]).collect();
+fn histogram(area: &Area, outcomes: &[BasisOutcome], angle: usize) -> Drawn {
+    let spreads: Vec<&TranslucencySpread> = outcomes.iter().map(|o| &o.spreads[angle]).collect();
     let Some(first) = outcomes.first() else { return Ok(()) };
     let (reach, step) = (100.0 * spreads[0].reach(), 100.0 * spreads[0].step);
     let peak = spreads.iter().flat_map(|s| s.histogram).fold(0.0, f64::max) * 100.0;
@@ -151,10 +151,11 @@ mod tests {
     use super::*;
     use crate::translucency::basis_study;
 
-    fn outcome(case: &str, which: usize, errors: &[f64]) -> Outcome {
-        let spread = |elevation: f64, step: f64| Spread::of(elevation, step, errors.iter().map(|e| [1.0 + e, 1.0]));
+    fn outcome(case: &str, which: usize, errors: &[f64]) -> BasisOutcome {
+        let spread =
+            |elevation: f64, step: f64| TranslucencySpread::of(elevation, step, errors.iter().map(|e| [1.0 + e, 1.0]));
         let spreads = [spread(1.6, 0.0025), spread(0.8, 0.01), spread(0.4, 0.02)];
-        Outcome { case: case.into(), candidate: basis_study::drawn()[which], spreads }
+        BasisOutcome { case: case.into(), candidate: basis_study::drawn()[which], spreads }
     }
 
     /// The area under the line and the shares in the corners together are all texels.
@@ -175,7 +176,7 @@ mod tests {
     #[test]
     fn every_panel_and_basis_is_named() {
         let errors = [-0.9, -0.001, 0.0, 0.0005, 0.6];
-        let cases: Vec<Vec<Outcome>> = ["elm, front lit, x", "elm, back lit, x"]
+        let cases: Vec<Vec<BasisOutcome>> = ["elm, front lit, x", "elm, back lit, x"]
             .iter()
             .map(|c| (0..4).map(|k| outcome(c, k, &errors)).collect())
             .collect();

@@ -3,11 +3,11 @@
 use super::{basis_study, validation};
 use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
-use mesophyll_files::progress::{self, Bar};
-use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_files::progress::{self, TaskProgress};
+use mesophyll_optics::dipole::{DipoleForm, Tissue};
 use mesophyll_optics::slab;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings};
-use mesophyll_optics::translucency::levels::{LevelKind, Levels};
+use mesophyll_optics::translucency::convolution::{ConvolutionSettings, Convolver};
+use mesophyll_optics::translucency::levels::{LevelKind, ThicknessLevels};
 
 /// H9 Table 3.1 without its forward scattering, because the transport equation used for comparison is isotropic.
 const TISSUE: Tissue = Tissue { sigma_a: 0.4, sigma_s: 9.486, g: 0.0, a: 1.0 };
@@ -21,9 +21,9 @@ fn forms() -> Vec<BenchRow> {
     let mut rows = Vec::new();
     for (d, sigma_a) in [(0.2, 0.4), (0.2, 0.01), (0.5, 0.4)] {
         let tissue = Tissue { sigma_a, ..TISSUE };
-        let all = tissue.total(d, Form::Images);
+        let all = tissue.total(d, DipoleForm::Images);
         for n in [0, 1, 3, 10, 30] {
-            let form = Form::Dipoles(n);
+            let form = DipoleForm::Dipoles(n);
             let error = (tissue.total(d, form) / all - 1.0).abs();
             let us = median_us(5.0, || tissue.transmittance(0.1, d, form));
             rows.push(row(
@@ -36,8 +36,10 @@ fn forms() -> Vec<BenchRow> {
         }
     }
     for d in [0.02, 0.05, 0.11, 0.2, 0.5, 1.0] {
-        let truth = slab::exact::response(TISSUE.sigma_a, TISSUE.sigma_s, d).rho_t;
-        for (name, form) in [("dipoles 3", Form::Dipoles(3)), ("images", Form::Images), ("thin", Form::Thin)] {
+        let truth = slab::medium::response(TISSUE.sigma_a, TISSUE.sigma_s, d).rho_t;
+        for (name, form) in
+            [("dipoles 3", DipoleForm::Dipoles(3)), ("images", DipoleForm::Images), ("thin", DipoleForm::Thin)]
+        {
             let total = TISSUE.total(d, form);
             // NaN means that a form has no answer; it gets no row.
             if total.is_finite() {
@@ -68,15 +70,16 @@ fn thickness(n: usize) -> Vec<f64> {
         .collect()
 }
 
-fn convolver(n: usize, texel_mm: f64, levels: Levels) -> Result<Convolver> {
-    Convolver::with(&Settings { levels, ..Settings::new(TISSUE, texel_mm) }, n, n, 0.15, 0.5)
+fn convolver(n: usize, texel_mm: f64, levels: ThicknessLevels) -> Result<Convolver> {
+    Convolver::with(&ConvolutionSettings { levels, ..ConvolutionSettings::new(TISSUE, texel_mm) }, n, n, 0.15, 0.5)
 }
 
 /// Numbers K of levels of each kind, compared with 64 Chebyshev levels.
 fn levels() -> Result<Vec<BenchRow>> {
     let n = 256;
     let (d, light) = (thickness(n), vec![vec![1.0; n * n]]);
-    let many = convolver(n, 0.1, Levels { count: 64, kind: LevelKind::Chebyshev })?.run(&d, &light).swap_remove(0);
+    let many =
+        convolver(n, 0.1, ThicknessLevels { count: 64, kind: LevelKind::Chebyshev })?.run(&d, &light).swap_remove(0);
     let size: f64 = many.iter().map(|v| v * v).sum();
     let mut rows = Vec::new();
     for (name, kind) in [
@@ -87,7 +90,7 @@ fn levels() -> Result<Vec<BenchRow>> {
     ] {
         progress::go_on()?;
         for count in [4, 6, 8, 12, 16] {
-            let made = convolver(n, 0.1, Levels { count, kind })?;
+            let made = convolver(n, 0.1, ThicknessLevels { count, kind })?;
             let few = made.run(&d, &light).swap_remove(0);
             let rms = (few.iter().zip(&many).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / size).sqrt();
             let us = median_us(50.0, || made.run(&d, &light));
@@ -106,7 +109,7 @@ fn sizes() -> Result<Vec<BenchRow>> {
         let texel = 102.4 / n as f64;
         let (d, light) = (thickness(n), vec![vec![1.0; n * n]; 3]);
         let mut failed: Option<Error> = None;
-        let us = median_us(20.0, || match convolver(n, texel, Levels::default()) {
+        let us = median_us(20.0, || match convolver(n, texel, ThicknessLevels::default()) {
             Ok(made) => made.run(&d, &light).len(),
             Err(e) => {
                 failed = Some(e);
@@ -134,7 +137,7 @@ pub const PIECES: u64 = 3 + basis_study::PIECES + validation::PIECES;
 ///
 /// # Errors
 /// [`Error::Interrupted`]; no other that a correct program meets.
-pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let mut rows = forms();
     bar.step()?;
     rows.extend(levels()?);

@@ -4,16 +4,16 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_fits::record::Times;
-use mesophyll_fits::translucency::source::{SideMaps, Source};
-use mesophyll_fits::translucency::{Options, TissueFrom, TissueName, side};
-use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_fits::record::FitTimes;
+use mesophyll_fits::translucency::source::{TranslucencyLeaf, TranslucencySideMaps};
+use mesophyll_fits::translucency::{Options, TissueName, TissueSource, side};
+use mesophyll_optics::dipole::{DipoleForm, Tissue};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_optics::translucency::basis;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings};
-use mesophyll_optics::translucency::levels::Levels;
-use mesophyll_optics::walk::slab::Entry;
+use mesophyll_optics::translucency::convolution::{ConvolutionSettings, Convolver};
+use mesophyll_optics::translucency::levels::ThicknessLevels;
+use mesophyll_optics::walk::slab::EntryDirection;
 use mesophyll_optics::walk::{Boundary, Histories, Medium, Slab};
 use std::time::Instant;
 
@@ -53,7 +53,7 @@ fn against_transport(case: &str, sigma_a: f64, sigma_s: f64, d: f64) -> StressRo
     let clock = Instant::now();
     let tissue = Tissue { sigma_a, sigma_s, g: 0.0, a: 1.0 };
     let (verdict, digits) =
-        judged(tissue.total(d, Form::Thin), slab::exact::response(sigma_a, sigma_s, d).rho_t, RIGHT);
+        judged(tissue.total(d, DipoleForm::Thin), slab::medium::response(sigma_a, sigma_s, d).rho_t, RIGHT);
     row(case, "ok", verdict, digits, clock)
 }
 
@@ -64,8 +64,8 @@ fn against_walk(case: &str, expected: &str, g: f64, d: f64) -> Result<StressRow>
     let tissue = Tissue { sigma_a, sigma_s: reduced / (1.0 - g), g, a: 1.0 };
     let slab =
         Slab { medium: Medium { sigma_a, sigma_s: tissue.sigma_s, g }, thickness_mm: d, boundary: Boundary::Matched };
-    let walk = slab.walk(Entry::NORMAL, Histories { count: 100_000, seed: 1 }, &[])?;
-    let (found, truth) = (tissue.total(d, Form::Thin), walk.transmitted);
+    let walk = slab.walk(EntryDirection::NORMAL, Histories { count: 100_000, seed: 1 }, &[])?;
+    let (found, truth) = (tissue.total(d, DipoleForm::Thin), walk.transmitted);
     let (mut verdict, digits) = judged(found, truth.value, RIGHT + 3.0 * truth.error / truth.value);
     // A result that is called doubtful need not be right, but every wrong result must be called doubtful.
     if let Some(why) = tissue.doubt() {
@@ -88,10 +88,10 @@ fn veined(hole: bool) -> Vec<f64> {
         .collect()
 }
 
-fn settings(levels: usize) -> Settings {
-    Settings {
-        levels: Levels { count: levels, ..Levels::default() },
-        ..Settings::new(Tissue { sigma_a: 0.4, sigma_s: 10.2, g: 0.07, a: 1.2 }, 0.1)
+fn settings(levels: usize) -> ConvolutionSettings {
+    ConvolutionSettings {
+        levels: ThicknessLevels { count: levels, ..ThicknessLevels::default() },
+        ..ConvolutionSettings::new(Tissue { sigma_a: 0.4, sigma_s: 10.2, g: 0.07, a: 1.2 }, 0.1)
     }
 }
 
@@ -139,8 +139,8 @@ fn hole() -> Result<StressRow> {
 }
 
 /// A leaf in memory: `n` × `n` texels without relief.
-fn flat(n: usize, thickness: f64) -> Source {
-    let side = SideMaps {
+fn flat(n: usize, thickness: f64) -> TranslucencyLeaf {
+    let side = TranslucencySideMaps {
         name: Side::Front,
         rho_d: [0.1, 0.2, 0.05].map(|v| vec![v; n * n]),
         rho_t: [0.1, 0.2, 0.05].map(|v| vec![v; n * n]),
@@ -154,7 +154,7 @@ fn flat(n: usize, thickness: f64) -> Source {
         sigma_err: [[0.1; 3]; 2],
         undetermined: Vec::new(),
     };
-    Source {
+    TranslucencyLeaf {
         name: "flat".into(),
         width: n,
         height: n,
@@ -169,7 +169,7 @@ fn flat(n: usize, thickness: f64) -> Source {
 fn no_relief() -> Result<StressRow> {
     let clock = Instant::now();
     let source = flat(48, 0.2);
-    let made = side::make(&source, &source.sides[0], &[1], &Options::default(), &mut Times::default())?;
+    let made = side::make(&source, &source.sides[0], &[1], &Options::default(), &mut FitTimes::default())?;
     let off = made.coefficients[0].iter().flatten().map(|c| (c / basis::FLAT - 1.0).abs()).fold(0.0, f64::max);
     let verdict = if off < 1e-9 { "ok".into() } else { format!("wrong: coefficients are off by {off:.1e}") };
     Ok(row("no relief: half-life-2 coefficients", "ok", verdict, Some(-off.log10()), clock))
@@ -181,10 +181,10 @@ fn undetermined() -> StressRow {
     let mut source = flat(8, 0.2);
     source.sides[0].sigma_err[0][1] = f64::INFINITY;
     source.sides[0].undetermined = vec!["sigma_a.G: relative standard error inf".into()];
-    let run = |options: &Options| side::make(&source, &source.sides[0], &[1], options, &mut Times::default());
+    let run = |options: &Options| side::make(&source, &source.sides[0], &[1], options, &mut FitTimes::default());
     let verdict = match (
         run(&Options::default()),
-        run(&Options { tissue: TissueFrom::Named(TissueName::Table), ..Options::default() }),
+        run(&Options { tissue: TissueSource::Named(TissueName::Table), ..Options::default() }),
     ) {
         (Err(e), Ok(_)) => format!("undetermined: {e}"),
         (Ok(_), _) => "wrong: computed from a slab that is not determined".into(),
@@ -197,7 +197,7 @@ fn undetermined() -> StressRow {
 pub fn rows() -> Result<Vec<StressRow>> {
     let paper = Tissue { sigma_a: 0.4, sigma_s: 10.2, g: 0.07, a: 1.2 };
     let clock = Instant::now();
-    let form = |form| Settings { form, ..Settings::new(paper, 0.1) };
+    let form = |form| ConvolutionSettings { form, ..ConvolutionSettings::new(paper, 0.1) };
     let thin_refused = |f| Convolver::with(&form(f), 16, 16, 0.05, 0.2).map_or_else(|e| refused(&e), |_| "ok".into());
     let mut rows = vec![
         against_transport("d = l/10", 0.5, 9.5, 0.01),
@@ -207,8 +207,8 @@ pub fn rows() -> Result<Vec<StressRow>> {
         against_transport("sigma_a = 1e-12, d = 10 l", 1e-12, 10.0, 1.0),
         against_transport("sigma_a = 100 sigma_s", 10.0, 0.1, 0.2),
         against_transport("sigma_s = 0", 10.0, 0.0, 0.2),
-        row("dipoles at d < l", "refused: thickness", thin_refused(Form::Dipoles(3)), None, clock),
-        row("images at d < l", "refused: thickness", thin_refused(Form::Images), None, clock),
+        row("dipoles at d < l", "refused: thickness", thin_refused(DipoleForm::Dipoles(3)), None, clock),
+        row("images at d < l", "refused: thickness", thin_refused(DipoleForm::Images), None, clock),
         against_walk("g = 0.9, d = 2 l", "ok", 0.9, 0.2)?,
         against_walk("g = 0.9, d = 10 l", "ok", 0.9, 1.0)?,
         against_walk("g = -0.9, d = 2 l", "undetermined: ", -0.9, 0.2)?,
@@ -220,8 +220,8 @@ pub fn rows() -> Result<Vec<StressRow>> {
     ];
     let clock = Instant::now();
     let bad = Tissue { sigma_a: f64::NAN, ..paper };
-    let verdict =
-        Convolver::with(&Settings::new(bad, 0.1), 16, 16, 0.1, 0.2).map_or_else(|e| refused(&e), |_| "ok".into());
+    let verdict = Convolver::with(&ConvolutionSettings::new(bad, 0.1), 16, 16, 0.1, 0.2)
+        .map_or_else(|e| refused(&e), |_| "ok".into());
     rows.push(row("sigma_a not a number", "refused: ", verdict, None, clock));
     rows.extend(crate::tissue::stress::rows()?);
     Ok(rows)

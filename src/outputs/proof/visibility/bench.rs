@@ -5,9 +5,11 @@ use super::cluster::{EDGE_MM, cluster};
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
 use glam::DVec3;
-use mesophyll_files::progress::Bar;
-use mesophyll_transport::World;
-use mesophyll_transport::visibility::{AreaLight, CodedMaps, Collector, Directions, Receivers, Shadows, runs};
+use mesophyll_files::progress::TaskProgress;
+use mesophyll_transport::ReferenceWorld;
+use mesophyll_transport::visibility::{
+    AreaLight, CodedMaps, MapCollector, ShadowDirections, ShadowReceivers, ShadowScene, runs,
+};
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 
@@ -24,9 +26,9 @@ const OF_THE_CUBE: usize = 15;
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`] after Ctrl-C.
-pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let world = cluster();
-    let receivers = Receivers::new(&world, &[EDGE_MM])?;
+    let receivers = ShadowReceivers::new(&world, &[EDGE_MM])?;
     let mut rows = Vec::new();
     for piece in [points, ways, spacings, codes] {
         rows.extend(piece(&world, &receivers)?);
@@ -50,9 +52,14 @@ fn spread(count: usize) -> Vec<DVec3> {
 }
 
 /// Maps of directions, and the time of one (µs).
-fn maps(world: &World, receivers: &Receivers, points: usize, directions: &[DVec3]) -> Result<(Vec<Vec<u8>>, f64)> {
+fn maps(
+    world: &ReferenceWorld,
+    receivers: &ShadowReceivers,
+    points: usize,
+    directions: &[DVec3],
+) -> Result<(Vec<Vec<u8>>, f64)> {
     let light = AreaLight::disk(SUN, points)?;
-    let shadows = Shadows::new(world, receivers, &light)?;
+    let shadows = ShadowScene::new(world, receivers, &light)?;
     let mut maps = Vec::new();
     let clock = Instant::now();
     shadows.maps(directions, |_, map| {
@@ -72,7 +79,7 @@ fn rms(a: &[Vec<u8>], b: &[Vec<u8>], of: impl Fn(u8, u8) -> bool) -> f64 {
 }
 
 /// How many points the disk needs.
-fn points(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
+fn points(world: &ReferenceWorld, receivers: &ShadowReceivers) -> Result<Vec<BenchRow>> {
     let directions = spread(12);
     let (fine, _) = maps(world, receivers, 4096, &directions)?;
     let partly = |x: u8, y: u8| ![0, 255].contains(&x) || ![0, 255].contains(&y);
@@ -91,9 +98,9 @@ fn points(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
 }
 
 /// Casting and rays must give the same map.
-fn ways(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
+fn ways(world: &ReferenceWorld, receivers: &ShadowReceivers) -> Result<Vec<BenchRow>> {
     let light = AreaLight::disk(SUN, POINTS)?;
-    let shadows = Shadows::new(world, receivers, &light)?;
+    let shadows = ShadowScene::new(world, receivers, &light)?;
     let directions = &spread(12)[3..6];
     let clock = Instant::now();
     let rays: Vec<Vec<u8>> = directions.iter().map(|d| shadows.by_rays(*d)).collect();
@@ -108,12 +115,12 @@ fn ways(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
 }
 
 /// How far apart directions may be: the mixture of the maps around a light is compared with its own map.
-fn spacings(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
+fn spacings(world: &ReferenceWorld, receivers: &ShadowReceivers) -> Result<Vec<BenchRow>> {
     let lights = &spread(16)[..8];
     let (truth, _) = maps(world, receivers, POINTS, lights)?;
     let mut rows = Vec::new();
     for side in [8, 16, 32, 64, 128, 256] {
-        rows.push(spacing(world, receivers, "cube", side, lights, &truth, |_| Directions::cube(side, -1.0))?);
+        rows.push(spacing(world, receivers, "cube", side, lights, &truth, |_| ShadowDirections::cube(side, -1.0))?);
     }
     for deg in [4.0, 2.0, 1.0, 0.5, 0.25, 0.125f64] {
         // A path through the light, which lies anywhere between two directions of the path.
@@ -122,7 +129,7 @@ fn spacings(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
             let before = step * (0.618 * k as f64 + 0.25).fract();
             let across = d.any_orthonormal_vector();
             let at = |angle: f64| d * angle.cos() + across * angle.sin();
-            Directions::arc(&[at(-before), at(step - before)])
+            ShadowDirections::arc(&[at(-before), at(step - before)])
         };
         rows.push(spacing(world, receivers, "path, degrees", deg, lights, &truth, path)?);
     }
@@ -130,13 +137,13 @@ fn spacings(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
 }
 
 fn spacing(
-    world: &World,
-    receivers: &Receivers,
+    world: &ReferenceWorld,
+    receivers: &ShadowReceivers,
     knob: &str,
     setting: impl ToString,
     lights: &[DVec3],
     truth: &[Vec<u8>],
-    directions: impl Fn(usize) -> Result<Directions>,
+    directions: impl Fn(usize) -> Result<ShadowDirections>,
 ) -> Result<BenchRow> {
     let (mut mixed, mut nearest, mut apart, mut us) = (Vec::new(), Vec::new(), 0.0, 0.0);
     for (k, light) in lights.iter().enumerate() {
@@ -165,8 +172,8 @@ fn spacing(
 }
 
 /// Bytes and time of the codes, for a part of the source's cube and for the sun's path of a day.
-fn codes(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
-    let cube = Directions::cube(32, -1.0)?;
+fn codes(world: &ReferenceWorld, receivers: &ShadowReceivers) -> Result<Vec<BenchRow>> {
+    let cube = ShadowDirections::cube(32, -1.0)?;
     let share: Vec<DVec3> = cube.list().iter().step_by(OF_THE_CUBE).copied().collect();
     // From horizon to horizon, with the noon 58° high, every quarter of a degree.
     let day: Vec<DVec3> = (0..=720)
@@ -180,10 +187,15 @@ fn codes(world: &World, receivers: &Receivers) -> Result<Vec<BenchRow>> {
     Ok(rows)
 }
 
-fn code(world: &World, receivers: &Receivers, which: &str, directions: &[DVec3]) -> Result<Vec<BenchRow>> {
+fn code(
+    world: &ReferenceWorld,
+    receivers: &ShadowReceivers,
+    which: &str,
+    directions: &[DVec3],
+) -> Result<Vec<BenchRow>> {
     let light = AreaLight::disk(SUN, POINTS)?;
-    let shadows = Shadows::new(world, receivers, &light)?;
-    let (mut collector, mut sample) = (Collector::new(receivers.len()), Vec::new());
+    let shadows = ShadowScene::new(world, receivers, &light)?;
+    let (mut collector, mut sample) = (MapCollector::new(receivers.len()), Vec::new());
     let clock = Instant::now();
     shadows.maps(directions, |k, map| {
         // Decoding is timed on some of the maps.
@@ -193,7 +205,7 @@ fn code(world: &World, receivers: &Receivers, which: &str, directions: &[DVec3])
         collector.push(map)
     })?;
     let run_lengths = collector.run_length_bytes();
-    let coded: CodedMaps = collector.finish(Directions::arc(directions)?)?;
+    let coded: CodedMaps = collector.finish(ShadowDirections::arc(directions)?)?;
     let build = clock.elapsed().as_secs_f64() * 1e6 / directions.len() as f64;
     let raw = receivers.len() * directions.len();
     let mut map = vec![0; receivers.len()];
@@ -253,11 +265,11 @@ mod tests {
     #[test]
     fn the_cluster_s_maps_are_twelve_times_smaller() {
         let world = cluster();
-        let receivers = Receivers::new(&world, &[EDGE_MM]).unwrap();
+        let receivers = ShadowReceivers::new(&world, &[EDGE_MM]).unwrap();
         assert_eq!(receivers.len(), 42_120);
         let light = AreaLight::disk(SUN, POINTS).unwrap();
-        let shadows = Shadows::new(&world, &receivers, &light).unwrap();
-        let (directions, mut collector, mut all) = (spread(24), Collector::new(receivers.len()), Vec::new());
+        let shadows = ShadowScene::new(&world, &receivers, &light).unwrap();
+        let (directions, mut collector, mut all) = (spread(24), MapCollector::new(receivers.len()), Vec::new());
         shadows
             .maps(&directions, |_, map| {
                 all.push(map.to_vec());
@@ -265,7 +277,7 @@ mod tests {
             })
             .unwrap();
         let (raw, run_lengths) = (24 * receivers.len(), collector.run_length_bytes());
-        let coded = collector.finish(Directions::arc(&directions).unwrap()).unwrap();
+        let coded = collector.finish(ShadowDirections::arc(&directions).unwrap()).unwrap();
         let mut map = vec![0; receivers.len()];
         for (k, want) in all.iter().enumerate() {
             coded.decode(k, &mut map).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::transport::leaf;
 use glam::{DMat4, DQuat, DVec2, DVec3};
-use mesophyll_transport::{Placement, ReferenceMesh, World};
+use mesophyll_transport::{ReferenceMesh, ReferencePlacement, ReferenceWorld};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
@@ -21,7 +21,7 @@ const STALK: f64 = 12.0;
 pub(super) const EDGE_MM: f64 = 1.8;
 
 /// Leaves that are folded along the midrib, bent and wavy, around an upright twig and a golden angle apart.
-pub(crate) fn cluster() -> World {
+pub(crate) fn cluster() -> ReferenceWorld {
     let mut rng = Pcg64::seed_from_u64(5);
     let mut about = |middle: f64, spread: f64| middle + spread * (rng.random::<f64>() - 0.5);
     let golden = PI * (3.0 - 5f64.sqrt());
@@ -32,9 +32,13 @@ pub(crate) fn cluster() -> World {
         let up = TWIG * (k as f64 / (LEAVES - 1) as f64 - 0.5);
         let place = DVec3::Z * up + turn * DVec3::X * STALK;
         let size = DVec3::splat(about(1.0, 0.4));
-        Placement { leaf: 0, transform: DMat4::from_scale_rotation_translation(size, turn, place) }
+        ReferencePlacement { leaf: 0, transform: DMat4::from_scale_rotation_translation(size, turn, place) }
     });
-    World { instances: instances.collect(), leaves: vec![leaf(blade(), 0.1, 0.1)], ..World::default() }
+    ReferenceWorld {
+        instances: instances.collect(),
+        leaves: vec![leaf(blade(), 0.1, 0.1)],
+        ..ReferenceWorld::default()
+    }
 }
 
 fn blade() -> ReferenceMesh {

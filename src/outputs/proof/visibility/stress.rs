@@ -4,8 +4,10 @@ use super::cluster::cluster;
 use crate::stress::StressRow;
 use crate::transport::{square, stack};
 use glam::{DMat4, DQuat, DVec3};
-use mesophyll_transport::visibility::{AreaLight, CodedMaps, Collector, Directions, Receivers, Shadows};
-use mesophyll_transport::{Placement, World};
+use mesophyll_transport::visibility::{
+    AreaLight, CodedMaps, MapCollector, ShadowDirections, ShadowReceivers, ShadowScene,
+};
+use mesophyll_transport::{ReferencePlacement, ReferenceWorld};
 use std::time::Instant;
 
 /// The sun's angular radius (rad).
@@ -27,7 +29,7 @@ pub fn rows() -> Vec<StressRow> {
         whole("a leaf of zero-area triangles alone", slivers_alone(), DVec3::new(0.1, 0.2, 0.9), &[255]),
         whole("a million triangles over a leaf", million(), DVec3::new(0.02, 0.01, 1.0), &[0, 255]),
         whole("40 m under a roof 10 mm above", roof(), DVec3::new(0.2, 0.1, 0.9), &[0, 255]),
-        whole("no leaves", World::default(), up, &[]),
+        whole("no leaves", ReferenceWorld::default(), up, &[]),
         like("a cluster 1 km from the origin", |world| {
             let away = DMat4::from_translation(DVec3::new(1e6, -5e5, 2e5));
             world.instances.iter_mut().for_each(|p| p.transform = away * p.transform);
@@ -46,15 +48,15 @@ pub fn rows() -> Vec<StressRow> {
         refused("a light that covers a third of the sky", "light: a point", || AreaLight::disk(1.0, 64).map(drop)),
         refused("a light without points", "light: 0 points", || AreaLight::disk(SUN, 0).map(drop)),
         refused("directions that are none", "visibility: expected directions", || {
-            Directions::one(DVec3::ZERO).map(drop)
+            ShadowDirections::one(DVec3::ZERO).map(drop)
         }),
         refused("discs", "visibility: leaf 0: it is made of discs", || {
             let mut world = alone();
             world.leaves[0].mesh.discs = true;
-            Receivers::new(&world, &[]).map(drop)
+            ShadowReceivers::new(&world, &[]).map(drop)
         }),
         refused("edges that need more vertices than there may be", "visibility: leaf 0: edges of 0.0001 mm", || {
-            Receivers::new(&alone(), &[1e-4]).map(drop)
+            ShadowReceivers::new(&alone(), &[1e-4]).map(drop)
         }),
         damaged(),
     ]
@@ -73,10 +75,10 @@ fn row(case: &str, expected: &str, verdict: String, since: Instant) -> StressRow
 }
 
 /// The receivers of a world as it is drawn, and the sun's map.
-fn map(world: &World, radius: f64, direction: DVec3) -> crate::Result<(Receivers, Vec<u8>)> {
-    let (receivers, light) = (Receivers::new(world, &[])?, AreaLight::disk(radius, 64)?);
+fn map(world: &ReferenceWorld, radius: f64, direction: DVec3) -> crate::Result<(ShadowReceivers, Vec<u8>)> {
+    let (receivers, light) = (ShadowReceivers::new(world, &[])?, AreaLight::disk(radius, 64)?);
     let mut out = Vec::new();
-    Shadows::new(world, &receivers, &light)?.maps(&[direction], |_, map| {
+    ShadowScene::new(world, &receivers, &light)?.maps(&[direction], |_, map| {
         out = map.to_vec();
         Ok(())
     })?;
@@ -84,7 +86,7 @@ fn map(world: &World, radius: f64, direction: DVec3) -> crate::Result<(Receivers
 }
 
 /// All of an instance must be as bright as `want` says. The rim of a shadow, a tenth of the leaf wide, is left out.
-fn whole(case: &str, world: World, direction: DVec3, want: &[u8]) -> StressRow {
+fn whole(case: &str, world: ReferenceWorld, direction: DVec3, want: &[u8]) -> StressRow {
     let clock = Instant::now();
     let verdict = match map(&world, SUN, direction) {
         Err(why) => format!("refused: {why}"),
@@ -105,7 +107,7 @@ fn whole(case: &str, world: World, direction: DVec3, want: &[u8]) -> StressRow {
 }
 
 /// A change of the cluster that does not change what is seen, except at a few points that an edge just meets.
-fn like(case: &str, change: impl FnOnce(&mut World)) -> StressRow {
+fn like(case: &str, change: impl FnOnce(&mut ReferenceWorld)) -> StressRow {
     let clock = Instant::now();
     let direction = DVec3::new(0.3, 0.5, 0.6);
     let (mut there, here) = (cluster(), cluster());
@@ -148,11 +150,11 @@ fn damaged() -> StressRow {
     let clock = Instant::now();
     let work = || -> crate::Result<()> {
         let (receivers, map) = map(&cluster(), SUN, DVec3::Z)?;
-        let mut collector = Collector::new(receivers.len());
+        let mut collector = MapCollector::new(receivers.len());
         collector.push(&map)?;
         let folder = tempfile::tempdir().map_err(|e| crate::Error::Usage(e.to_string()))?;
         let path = folder.path().join("maps");
-        collector.finish(Directions::one(DVec3::Z)?)?.write(&path)?;
+        collector.finish(ShadowDirections::one(DVec3::Z)?)?.write(&path)?;
         let mut bytes = std::fs::read(&path).unwrap_or_default();
         let middle = bytes.len() / 2;
         bytes[middle] ^= 1;
@@ -168,14 +170,14 @@ fn damaged() -> StressRow {
     row("a file of maps with a bit changed", "refused: it is not what was written", verdict, clock)
 }
 
-fn side_by_side() -> World {
+fn side_by_side() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.3, 0.4)]);
-    world.instances.push(Placement { leaf: 0, transform: DMat4::from_translation(DVec3::X * 2000.0) });
+    world.instances.push(ReferencePlacement { leaf: 0, transform: DMat4::from_translation(DVec3::X * 2000.0) });
     world
 }
 
 /// A leaf under another, both with triangles that have no area.
-fn with_slivers() -> World {
+fn with_slivers() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.3, 0.4), (50.0, 0.3, 0.4)]);
     for leaf in &mut world.leaves {
         leaf.mesh = square(6);
@@ -184,13 +186,13 @@ fn with_slivers() -> World {
     world
 }
 
-fn slivers_alone() -> World {
+fn slivers_alone() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.3, 0.4)]);
     world.leaves[0].mesh.indices = vec![0, 0, 1, 2, 2, 2, 0, 3, 0];
     world
 }
 
-fn million() -> World {
+fn million() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.3, 0.4), (100.0, 0.3, 0.4)]);
     world.leaves[0].mesh = square(9);
     world.leaves[1].mesh = square(708);
@@ -199,7 +201,7 @@ fn million() -> World {
 }
 
 /// Ground of 40 m under a roof 10 mm above it.
-fn roof() -> World {
+fn roof() -> ReferenceWorld {
     let mut world = stack(&[(0.0, 0.3, 0.4), (10.0, 0.3, 0.4)]);
     for (leaf, placed) in world.leaves.iter_mut().zip(&mut world.instances) {
         leaf.mesh = square(40);

@@ -3,14 +3,14 @@
 mod pictures;
 
 use crate::chart;
-use crate::colour::Frame;
+use crate::colour::MapFrame;
 use crate::model::{MapRow, MapTruth};
 use crate::quantity::{self, known};
-use crate::size::{DETAILS, Detail};
-use crate::stats::{Summary, quantile, sorted};
-use mesophyll_files::image::{self, Maps};
+use crate::size::{DETAILS, ReportDetail};
+use crate::stats::{MapSummary, quantile, sorted};
+use mesophyll_files::image::{self, ChannelMaps};
 use mesophyll_files::quantity::{Quantity, split};
-use mesophyll_fits::leaf_folder::File;
+use mesophyll_fits::leaf_folder::LeafFitFile;
 pub use pictures::difference_picture;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -23,16 +23,16 @@ pub(super) const BINS: usize = 60;
 
 /// The contents of a side's files.
 #[derive(Debug)]
-pub struct SideMaps {
+pub struct ReportSideMaps {
     pub section: String,
-    pub fit: Maps,
-    pub errors: Option<Maps>,
-    pub truth: Option<Maps>,
+    pub fit: ChannelMaps,
+    pub errors: Option<ChannelMaps>,
+    pub truth: Option<ChannelMaps>,
     pub good: Vec<bool>,
     /// Remarks on the maps of a quantity, by the quantity's name.
     pub notes: BTreeMap<&'static str, String>,
     /// How finely the maps are drawn.
-    pub detail: Detail,
+    pub detail: ReportDetail,
     /// Why the intervals of the quantities in [`SHARED`] are not judged by the truth, where that is so.
     pub unjudged: Option<String>,
 }
@@ -48,11 +48,11 @@ pub(crate) fn read_side(
     section: &str,
     capture: Option<&Path>,
     missing: &mut Vec<String>,
-) -> Option<SideMaps> {
-    let main = folder.join(File::Maps.of(section));
+) -> Option<ReportSideMaps> {
+    let main = folder.join(LeafFitFile::Maps.of(section));
     let fit = read_or_say(&main, "no maps of this side", missing)?;
-    let errors_path = folder.join(File::Errors.of(section));
-    let same_size = |maps: &Maps, path: &Path, missing: &mut Vec<String>| {
+    let errors_path = folder.join(LeafFitFile::Errors.of(section));
+    let same_size = |maps: &ChannelMaps, path: &Path, missing: &mut Vec<String>| {
         let same = (maps.width, maps.height) == (fit.width, fit.height);
         if !same {
             let sizes = format!("{} × {} where the fit has {} × {}", maps.width, maps.height, fit.width, fit.height);
@@ -64,7 +64,7 @@ pub(crate) fn read_side(
         .filter(|m| same_size(m, &errors_path, missing));
     let mut truth = truth_path(folder, section, capture)
         .and_then(|path| read_or_say(&path, "no truth", missing).filter(|m| same_size(m, &path, missing)));
-    let pigment_path = folder.join(File::Truth.of(section));
+    let pigment_path = folder.join(LeafFitFile::Truth.of(section));
     let pigment =
         pigment_path.exists().then(|| read_or_say(&pigment_path, "no truth of the σ maps", missing)).flatten();
     let pigment = pigment.filter(|m| same_size(m, &pigment_path, missing));
@@ -78,7 +78,7 @@ pub(crate) fn read_side(
             vec![true; fit.width * fit.height]
         }
     };
-    Some(SideMaps {
+    Some(ReportSideMaps {
         section: section.into(),
         fit,
         errors,
@@ -92,7 +92,12 @@ pub(crate) fn read_side(
 
 /// Puts the truth of the σ maps, as the fit stored it, in place of the truth's own σa and σs. Without it they are
 /// removed where the true leaf has an albedo factor γ, because the same σ would then mean two things.
-fn describe_by_pigment(truth: &mut Maps, pigment: Option<Maps>, section: &str, missing: &mut Vec<String>) {
+fn describe_by_pigment(
+    truth: &mut ChannelMaps,
+    pigment: Option<ChannelMaps>,
+    section: &str,
+    missing: &mut Vec<String>,
+) {
     let plain = |(name, values): &(String, Vec<f32>)| {
         split(name).0 != "gamma" || values.iter().all(|v| !(*v > 0.0) || (v - 1.0).abs() < 1e-3)
     };
@@ -125,7 +130,7 @@ fn truth_path(folder: &Path, section: &str, capture: Option<&Path>) -> Option<Pa
     places.into_iter().flatten().map(|c| mesophyll_capture::truth_path(&c, side)).find(|p| p.exists())
 }
 
-fn read_or_say(path: &Path, without: &str, missing: &mut Vec<String>) -> Option<Maps> {
+fn read_or_say(path: &Path, without: &str, missing: &mut Vec<String>) -> Option<ChannelMaps> {
     if !path.exists() {
         missing.push(format!("{}: not there, so {without}", file_name(path)));
         return None;
@@ -145,7 +150,7 @@ struct Channel<'a> {
     truth: Option<&'a [f32]>,
 }
 
-impl SideMaps {
+impl ReportSideMaps {
     fn channels(&self) -> Vec<Channel<'_>> {
         let mut list: Vec<Channel> = self
             .fit
@@ -192,7 +197,7 @@ impl SideMaps {
     fn row(&self, c: &Channel) -> Option<MapRow> {
         let (name, letter) = split(c.name);
         let values = sorted(self.good_values(c.fit));
-        let summary = Summary::of(&values)?;
+        let summary = MapSummary::of(&values)?;
         let good = self.good.iter().filter(|g| **g).count();
         let stderr = c.error.map(|e| sorted(self.good_values(e))).filter(|e| !e.is_empty()).map(|e| quantile(&e, 0.5));
         Some(MapRow {
@@ -242,14 +247,14 @@ impl SideMaps {
     }
 
     /// A picture, with a pixel for at least `least_step` × `least_step` texels.
-    pub(super) fn frame(&self, least_step: usize) -> Frame {
+    pub(super) fn frame(&self, least_step: usize) -> MapFrame {
         let (width, height) = (self.fit.width, self.fit.height);
-        Frame { width, height, max_width: WIDE, least_step, kept: (1, self.detail.digits) }
+        MapFrame { width, height, max_width: WIDE, least_step, kept: (1, self.detail.digits) }
     }
 
     /// A map with every `stride`-th value.
-    pub(super) fn map(&self, stride: usize) -> Frame {
-        Frame { max_width: self.detail.thumb, kept: (stride, self.detail.digits), ..self.frame(1) }
+    pub(super) fn map(&self, stride: usize) -> MapFrame {
+        MapFrame { max_width: self.detail.thumb, kept: (stride, self.detail.digits), ..self.frame(1) }
     }
 }
 

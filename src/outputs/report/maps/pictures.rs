@@ -1,17 +1,17 @@
 //! The pictures of a side's maps: the fit, the truth where it is known, the difference, and charts of the errors.
 
-use super::{BINS, Channel, SideMaps, colour_bar_of};
-use crate::chart::{self, Titles};
-use crate::colour::{self, Frame};
-use crate::model::{Captioned, ChannelPictures, ChartTile, LegendItem, MapPictures, SidePictures};
+use super::{BINS, Channel, ReportSideMaps, colour_bar_of};
+use crate::chart::{self, AxisTitles};
+use crate::colour::{self, MapFrame};
+use crate::model::{CaptionedPicture, ChannelPictures, ChartTile, LegendItem, MapPictures, SidePictures};
 use crate::number::{percent, plain};
 use crate::quantity::{self, channel_word, known};
-use crate::stats::{Histogram, Summary, quantile, sorted, widen};
+use crate::stats::{MapHistogram, MapSummary, quantile, sorted, widen};
 use mesophyll_files::quantity::{Quantity, split};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-impl SideMaps {
+impl ReportSideMaps {
     /// Everything that is drawn of the side.
     pub fn pictures(&self, defects: &BTreeMap<String, String>) -> SidePictures {
         let (fate, legend) = self.fate(defects);
@@ -45,7 +45,7 @@ impl SideMaps {
     }
 
     /// ρd and ρt as colours, brightened to fill the range.
-    fn looks(&self) -> Vec<Captioned> {
+    fn looks(&self) -> Vec<CaptionedPicture> {
         let mut out = Vec::new();
         let both = [(Quantity::RhoD, "reflected light (ρd)"), (Quantity::RhoT, "transmitted light (ρt)")];
         for (quantity, words) in both {
@@ -62,14 +62,14 @@ impl SideMaps {
             if let Some(picture) =
                 colour::photograph(self.frame(self.detail.aside), [r, g, b], gain, |i| self.good[i], caption.clone())
             {
-                out.push(Captioned { picture, caption, bar: String::new() });
+                out.push(CaptionedPicture { picture, caption, bar: String::new() });
             }
         }
         out
     }
 
     /// Which texels are good, outside the leaf, or defective, and in which way.
-    fn fate(&self, defects: &BTreeMap<String, String>) -> (Option<Captioned>, Vec<LegendItem>) {
+    fn fate(&self, defects: &BTreeMap<String, String>) -> (Option<CaptionedPicture>, Vec<LegendItem>) {
         const GOOD: [u8; 3] = [0x9f, 0xb8, 0xa4];
         const HUES: [[u8; 3]; 7] = [
             [0xd1, 0x49, 0x3f],
@@ -109,13 +109,13 @@ impl SideMaps {
         let caption =
             "Which texels are good, and what was wrong with the others. Outside the leaf the picture is empty."
                 .to_string();
-        (picture.map(|picture| Captioned { picture, caption, bar: String::new() }), legend)
+        (picture.map(|picture| CaptionedPicture { picture, caption, bar: String::new() }), legend)
     }
 
-    fn residual(&self) -> (Option<Captioned>, Option<String>) {
+    fn residual(&self) -> (Option<CaptionedPicture>, Option<String>) {
         let Some(chi2) = self.fit.scalar(Quantity::ReducedChi2) else { return (None, None) };
         let values = sorted(self.good_values(chi2));
-        let Some(s) = Summary::of(&values) else { return (None, None) };
+        let Some(s) = MapSummary::of(&values) else { return (None, None) };
         let range = (0.0, s.p99.max(2.0));
         let shown = |i: usize| if self.good[i] { chi2[i] } else { f32::NAN };
         let caption = format!(
@@ -128,14 +128,14 @@ impl SideMaps {
         let frame = self.map(self.detail.fit);
         let picture = colour::false_colour(frame, false, range, "", shown, caption.clone());
         let bar = colour_bar_of(false, range, "");
-        let histogram = Histogram::of(values.iter().copied(), range.0, range.1 * 1.1, BINS);
-        let titles = Titles {
+        let histogram = MapHistogram::of(values.iter().copied(), range.0, range.1 * 1.1, BINS);
+        let titles = AxisTitles {
             x: "reduced χ² of a texel",
             y: "share of texels",
             about: "Histogram of the reduced χ² of the texels",
         };
         let chart = chart::histogram(&[("", &histogram)], titles, &[(1.0, "1 = as noisy as stated")], false);
-        (picture.map(|picture| Captioned { picture, caption, bar }), Some(chart))
+        (picture.map(|picture| CaptionedPicture { picture, caption, bar }), Some(chart))
     }
 
     fn channel_pictures(&self, c: &Channel) -> Option<ChannelPictures> {
@@ -148,8 +148,8 @@ impl SideMaps {
             format!("{} {} {}", self.section, quantity::symbol(name), channel_word(letter)).trim_end().to_string();
         let good = |samples: &'_ [f32], i: usize| if self.good[i] { samples[i] } else { f32::NAN };
 
-        let fit_summary = Summary::of(&sorted(self.good_values(c.fit)))?;
-        let truth_summary = c.truth.and_then(|t| Summary::of(&sorted(self.good_values(t))));
+        let fit_summary = MapSummary::of(&sorted(self.good_values(c.fit)))?;
+        let truth_summary = c.truth.and_then(|t| MapSummary::of(&sorted(self.good_values(t))));
         let (mut low, mut high) = (fit_summary.p01, fit_summary.p99);
         if let Some(t) = truth_summary {
             (low, high) = (low.min(t.p01), high.max(t.p99));
@@ -159,12 +159,12 @@ impl SideMaps {
             (low, high) = (-most, most);
         }
         let range = widen(low, high);
-        let draw = |samples: &[f32], frame: Frame, caption: String| {
+        let draw = |samples: &[f32], frame: MapFrame, caption: String| {
             let picture =
                 colour::false_colour(frame, signed, range, unit, |i| good(samples, i), format!("{words}: {caption}"))?;
-            Some(Captioned { picture, caption, bar: colour_bar_of(signed, range, unit) })
+            Some(CaptionedPicture { picture, caption, bar: colour_bar_of(signed, range, unit) })
         };
-        let mut pictures: Vec<Captioned> = draw(c.fit, frame, "fit".into()).into_iter().collect();
+        let mut pictures: Vec<CaptionedPicture> = draw(c.fit, frame, "fit".into()).into_iter().collect();
         if let Some(truth) = c.truth.filter(|_| truth_summary.is_some()) {
             pictures.extend(draw(truth, beside, "truth".into()));
             let difference = |i: usize| if self.good[i] { c.fit[i] - truth[i] } else { f32::NAN };
@@ -176,9 +176,9 @@ impl SideMaps {
         let mut charts = Vec::new();
         let room = 0.15 * (range.1 - range.0);
         let (from, to) = (if range.0 >= 0.0 { (range.0 - room).max(0.0) } else { range.0 - room }, range.1 + room);
-        let fit_histogram = Histogram::of(self.good_values(c.fit), from, to, BINS);
-        let titles = Titles { x: &axis, y: "share of texels", about: &format!("Histogram of {words}") };
-        let truth_histogram = c.truth.map(|t| Histogram::of(self.good_values(t), from, to, BINS));
+        let fit_histogram = MapHistogram::of(self.good_values(c.fit), from, to, BINS);
+        let titles = AxisTitles { x: &axis, y: "share of texels", about: &format!("Histogram of {words}") };
+        let truth_histogram = c.truth.map(|t| MapHistogram::of(self.good_values(t), from, to, BINS));
         let mut parts = vec![(if truth_histogram.is_some() { "fit" } else { "" }, &fit_histogram)];
         parts.extend(truth_histogram.as_ref().map(|h| ("truth", h)));
         charts.push(ChartTile {
@@ -195,9 +195,9 @@ impl SideMaps {
         let z: Vec<f32> = self.scores(c).collect();
         if !z.is_empty() {
             let inside = z.iter().filter(|z| z.abs() <= 1.96).count() as f64 / z.len() as f64;
-            let h = Histogram::of(z.iter().copied(), -4.5, 4.5, BINS);
+            let h = MapHistogram::of(z.iter().copied(), -4.5, 4.5, BINS);
             let about = format!("Histogram of the errors of {words} in standard errors");
-            let titles = Titles { x: "(fit − truth) / standard error", y: "density", about: &about };
+            let titles = AxisTitles { x: "(fit − truth) / standard error", y: "density", about: &about };
             let mut caption = format!(
                 "Errors in units of the stated standard errors: {} of the truths lie within 95 % intervals.",
                 percent(inside)
@@ -209,11 +209,11 @@ impl SideMaps {
         }
         if let Some(error) = c.error {
             let values = sorted(self.good_values(error));
-            if let Some(s) = Summary::of(&values).filter(|s| s.max > 0.0) {
+            if let Some(s) = MapSummary::of(&values).filter(|s| s.max > 0.0) {
                 let (_, top) = widen(0.0, s.p99 * 1.05);
-                let h = Histogram::of(values.iter().copied(), 0.0, top, BINS);
+                let h = MapHistogram::of(values.iter().copied(), 0.0, top, BINS);
                 let x = format!("standard error of {axis}");
-                let titles = Titles {
+                let titles = AxisTitles {
                     x: &x,
                     y: "share of texels",
                     about: &format!("Histogram of the standard errors of {words}"),
@@ -230,15 +230,15 @@ impl SideMaps {
 
 /// A difference on the diverging scale, symmetric about zero.
 pub fn difference_picture(
-    frame: Frame,
+    frame: MapFrame,
     value: impl Fn(usize) -> f32,
     unit: &str,
     words: &str,
     caption: &str,
-) -> Option<Captioned> {
+) -> Option<CaptionedPicture> {
     let sizes = sorted((0..frame.width * frame.height).map(&value).map(f32::abs));
     let (_, most) = widen(0.0, quantile(&sizes, 0.99));
     let range = if sizes.is_empty() { return None } else { (-most, most) };
     let picture = colour::false_colour(frame, true, range, unit, value, format!("{words}: {caption}"))?;
-    Some(Captioned { picture, caption: caption.into(), bar: colour_bar_of(true, range, unit) })
+    Some(CaptionedPicture { picture, caption: caption.into(), bar: colour_bar_of(true, range, unit) })
 }

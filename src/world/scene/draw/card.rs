@@ -2,26 +2,26 @@
 //! so that both renderers can be compared with a result that neither of them computed.
 
 use super::reference;
-use crate::loaded::Scene;
-use crate::manifest::{Manifest, View};
-use crate::placed::fits::reads;
+use crate::loaded::LoadedScene;
+use crate::manifest::{SceneManifest, SceneView};
+use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::placed::placement;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
-use mesophyll_fits::leaf_folder::{File, LeafFit};
+use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
-use mesophyll_optics::slab::chebyshev::Chebyshev;
+use mesophyll_optics::slab::chebyshev::SlabInterpolant;
 use mesophyll_transport::{self as transport, closed_form};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// One side's mean parameters.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Patch {
+pub struct CardSide {
     /// γ, the factor on the slab's reflectance (Wang et al. 2005), for each channel.
     pub gamma: [f64; 3],
     /// Mean thickness (mm).
@@ -42,7 +42,7 @@ pub struct Patch {
 
 /// A flat patch with one leaf's mean parameters, whose radiance is known in closed form.
 #[derive(Debug, Clone)]
-pub struct Card {
+pub struct LeafCard {
     /// Index into the manifest's leaves.
     pub leaf: usize,
     /// The patch.
@@ -50,17 +50,17 @@ pub struct Card {
     /// The transform from the patch to the world.
     pub transform: DMat4,
     /// Parameters of the front and of the back, where the fit has them.
-    pub sides: [Option<Patch>; 2],
+    pub sides: [Option<CardSide>; 2],
     /// Whether the plan gives each side to the renderer. The closed form and the reference use both sides.
     pub planned: [bool; 2],
 }
 
-impl Card {
+impl LeafCard {
     /// The card of a view, from the maps of the plan's fit.
     ///
     /// # Errors
     /// [`Error::Input`] when the leaf is not fitted or a map cannot be read.
-    pub fn new(scene: &Scene, view: &View, ledger: &Ledger) -> Result<Card> {
+    pub fn new(scene: &LoadedScene, view: &SceneView, ledger: &Ledger) -> Result<LeafCard> {
         let name = view.leaf.as_deref().unwrap_or_default();
         let leaf = scene.leaves().find(|l| l.config.name == name);
         let Some((leaf, fitted)) = leaf.and_then(|l| l.placed.fitted.as_ref().map(|f| (l, f))) else {
@@ -80,7 +80,7 @@ impl Card {
         // The patch fills the picture at the angle at which it is seen.
         let slant = (turn * DVec3::Z).dot((eye - target).normalize()).abs().max(0.05);
         let side = 4.0 * eye.distance(target) * (view.fov_deg.unwrap_or(30.0).to_radians() / 2.0).tan() / slant;
-        Ok(Card {
+        Ok(LeafCard {
             leaf: leaf.placed.index,
             mesh: LeafMesh::rectangle(side, side),
             transform: DMat4::from_rotation_translation(turn, target),
@@ -95,8 +95,8 @@ impl Card {
     /// [`Error::Input`] when the card is seen from a side that the fit does not have.
     pub fn closed_form(
         &self,
-        manifest: &Manifest,
-        view: &View,
+        manifest: &SceneManifest,
+        view: &SceneView,
         size: (usize, usize),
         pixels: &[(usize, usize)],
     ) -> Result<Vec<[f64; 3]>> {
@@ -112,7 +112,7 @@ impl Card {
                 "it shows a side of the leaf that the fit does not have",
             )
         })?;
-        let card = closed_form::Card {
+        let card = closed_form::FlatLeaf {
             rho_d: side.rho_d,
             rho_s: side.rho_s,
             m: side.m,
@@ -129,7 +129,7 @@ impl Card {
         let radiance = |d: DVec3| (dome.radiance)(d);
         let (near, beyond) =
             (closed_form::irradiance(&radiance, card.normal), closed_form::irradiance(&radiance, -card.normal));
-        let lens = transport::render::Lens::new(&camera, size.0, size.1)?;
+        let lens = transport::renderer::CameraRays::new(&camera, size.0, size.1)?;
         Ok(pixels
             .par_iter()
             .map(|&(x, y)| {
@@ -142,9 +142,9 @@ impl Card {
 }
 
 /// Means over the good texels of `{side}.exr`.
-fn patch(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<Patch> {
-    let path = fitted.path(File::Maps, side);
-    let maps = reads::maps(fitted, side, ledger)?;
+fn patch(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<CardSide> {
+    let path = fitted.path(LeafFitFile::Maps, side);
+    let maps = reader::maps(fitted, side, ledger)?;
     let quantities = [Quantity::Mask, Quantity::Gamma, Quantity::Thickness, Quantity::RhoS, Quantity::M];
     let planes = maps.require_planes(&path, &quantities)?;
     let good: Vec<usize> = (0..maps.width * maps.height)
@@ -156,8 +156,8 @@ fn patch(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<Patch> {
     let mean = |c: usize| good.iter().map(|&k| f64::from(planes[c][k])).sum::<f64>() / good.len() as f64;
     let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
     let (gamma, thickness) = ([mean(1), mean(2), mean(3)], mean(4));
-    let at = [0, 1, 2].map(|c| slab::exact::response(sigma_a[c], sigma_s[c], thickness));
-    Ok(Patch {
+    let at = [0, 1, 2].map(|c| slab::medium::response(sigma_a[c], sigma_s[c], thickness));
+    Ok(CardSide {
         gamma,
         thickness,
         sigma_a,
@@ -173,16 +173,16 @@ fn patch(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<Patch> {
 ///
 /// # Errors
 /// [`Error::Input`] for a physical sky that the model refuses.
-pub fn world(manifest: &Manifest, card: &Card) -> Result<transport::World> {
+pub fn world(manifest: &SceneManifest, card: &LeafCard) -> Result<transport::ReferenceWorld> {
     let texel = |v: f64| vec![v as f32];
-    let side = |p: &Option<Patch>| match p {
+    let side = |p: &Option<CardSide>| match p {
         None => reference::black(1),
         Some(p) => transport::ReferenceSide {
-            interior: transport::Interior::Scalars {
+            interior: transport::ReferenceInterior::Scalars {
                 gamma: p.gamma.map(texel),
                 thickness: texel(p.thickness),
                 curve: {
-                    let curve = Chebyshev::new(p.sigma_a, p.sigma_s, 0.95 * p.thickness, 1.05 * p.thickness);
+                    let curve = SlabInterpolant::new(p.sigma_a, p.sigma_s, 0.95 * p.thickness, 1.05 * p.thickness);
                     Arc::new(move |h| curve.at(h))
                 },
             },
@@ -190,7 +190,7 @@ pub fn world(manifest: &Manifest, card: &Card) -> Result<transport::World> {
                 .rho_s
                 .iter()
                 .any(|v| *v > 0.0)
-                .then(|| transport::Gloss { rho_s: p.rho_s.map(texel), m: texel(p.m) }),
+                .then(|| transport::ReferenceGloss { rho_s: p.rho_s.map(texel), m: texel(p.m) }),
             normal: None,
         },
     };
@@ -205,6 +205,6 @@ pub fn world(manifest: &Manifest, card: &Card) -> Result<transport::World> {
     };
     let mut world = reference::lights(manifest)?;
     world.leaves = vec![leaf];
-    world.instances = vec![transport::Placement { leaf: 0, transform: card.transform }];
+    world.instances = vec![transport::ReferencePlacement { leaf: 0, transform: card.transform }];
     Ok(world)
 }

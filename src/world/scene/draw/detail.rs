@@ -4,7 +4,7 @@
 //! a list of indices, and its normals are the mesh's own. The coarsest are flat pieces with vertices of their own
 //! (`flat`). Lengths are in mm.
 
-use super::flat;
+use super::flat_blade;
 use glam::{DMat4, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fits::leaf::blade::outline::simplify;
@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// One level, as triangles over the mesh's vertices.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Detail {
+pub struct MeshDetailLevel {
     /// Indices of the mesh's vertices, three for each triangle.
     pub indices: Vec<u32>,
     /// Largest distance of a vertex that is left out from the level's surface.
@@ -49,14 +49,14 @@ type Mesh2 = ConstrainedDelaunayTriangulation<Vertex>;
 
 /// The levels of a blade, the finest first, without the mesh itself. There are none where the blade is not a height
 /// field over its plane, such as a blade that is bent over, or a twig.
-pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
-    let mut out: Vec<Detail> = Vec::new();
+pub fn levels(mesh: &LeafMesh) -> Vec<MeshDetailLevel> {
+    let mut out: Vec<MeshDetailLevel> = Vec::new();
     let Some(rings) = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)) else { return out };
     let (_, radius) = mesh.bounds();
     let mut before = mesh.triangles();
     for (distance, degrees) in LEVELS {
         let Some(level) = level(mesh, &rings, 2.0 * radius * distance, degrees.to_radians()) else { continue };
-        let level = Detail { outline_only: degrees == ANY_ANGLE, ..level };
+        let level = MeshDetailLevel { outline_only: degrees == ANY_ANGLE, ..level };
         if level.indices.len() / 3 < (WORTH * before as f64) as usize {
             before = level.indices.len() / 3;
             out.push(level);
@@ -67,7 +67,7 @@ pub fn levels(mesh: &LeafMesh) -> Vec<Detail> {
 
 /// As [`levels`], with flat pieces as the coarsest lit levels and for shadow maps, where they can stand for the blade.
 /// Their vertices are to be appended to the mesh's. `shown` as in [`flat::flat`].
-pub fn levels_with_pieces(mesh: &LeafMesh, shown: Option<&dyn Fn(DVec2) -> bool>) -> (Vec<Detail>, LeafMesh) {
+pub fn levels_with_pieces(mesh: &LeafMesh, shown: Option<&dyn Fn(DVec2) -> bool>) -> (Vec<MeshDetailLevel>, LeafMesh) {
     let (mut out, mut more) = (levels(mesh), LeafMesh::default());
     let Some(rings) = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)) else { return (out, more) };
     let outlines = out.split_off(out.iter().filter(|d| !d.outline_only).count());
@@ -75,18 +75,18 @@ pub fn levels_with_pieces(mesh: &LeafMesh, shown: Option<&dyn Fn(DVec2) -> bool>
     let fewest = outlines.last().map_or(before, |d| d.indices.len() / 3);
     let mut pieces = Vec::new();
     for corners in CORNERS {
-        let found = flat::flat(mesh, &rings, corners, shown);
+        let found = flat_blade::flat(mesh, &rings, corners, shown);
         let Some(flat) = found.filter(|c| (c.piece.triangles() as f64) < WORTH * before as f64) else { continue };
         before = flat.piece.triangles();
         let first = (mesh.positions.len() + more.positions.len()) as u32;
         let indices: Vec<u32> = flat.piece.indices.iter().map(|k| first + k).collect();
-        pieces.push(Detail { indices, error_mm: flat.error_mm, outline_only: false });
+        pieces.push(MeshDetailLevel { indices, error_mm: flat.error_mm, outline_only: false });
         more.append(&flat.piece, DMat4::IDENTITY);
     }
     out.extend_from_slice(&pieces);
     // Shadow maps take the last level that is near enough to the mesh.
     let again = pieces.into_iter().filter(|d| !outlines.is_empty() && d.indices.len() / 3 < fewest);
-    out.extend(outlines.iter().cloned().chain(again.map(|d| Detail { outline_only: true, ..d })));
+    out.extend(outlines.iter().cloned().chain(again.map(|d| MeshDetailLevel { outline_only: true, ..d })));
     (out, more)
 }
 
@@ -125,7 +125,7 @@ pub(super) fn rings(mesh: &LeafMesh) -> Option<Vec<Vec<u32>>> {
 }
 
 /// One level; `None` where the thinned outline crosses itself.
-fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Option<Detail> {
+fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Option<MeshDetailLevel> {
     let flat = |k: u32| mesh.positions[k as usize].truncate();
     let vertex = |k: u32| Vertex { at: Point2::new(flat(k).x, flat(k).y), index: k };
     let mut cdt = Mesh2::new();
@@ -189,7 +189,7 @@ fn level(mesh: &LeafMesh, rings: &[Vec<u32>], distance: f64, angle: f64) -> Opti
             indices.extend([a, b, c]);
         }
     }
-    (!indices.is_empty()).then_some(Detail { indices, error_mm, outline_only: false })
+    (!indices.is_empty()).then_some(MeshDetailLevel { indices, error_mm, outline_only: false })
 }
 
 /// Keeps `from`, and the vertices between it and `to` on the ring where the chord is more than `distance` away from the

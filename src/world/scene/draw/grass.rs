@@ -1,8 +1,8 @@
 //! Hands lawns to both renderers: blades to the path tracer, and slices to the real-time renderer.
 
 use super::reference::{black, mesh};
-use crate::manifest::Manifest;
-use crate::placed::grass::Grass;
+use crate::manifest::SceneManifest;
+use crate::placed::grass::PlacedLawn;
 use crate::{Error, Result};
 use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
@@ -24,7 +24,7 @@ const MOST_TRIANGLES: usize = 40_000_000;
 ///
 /// # Errors
 /// [`Error::Input`] for such a lawn with too many triangles.
-pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) -> Result<()> {
+pub fn blades(manifest: &SceneManifest, grass: &PlacedLawn, world: &mut transport::ReferenceWorld) -> Result<()> {
     let places = grass.tiles[0] * grass.tiles[1];
     if grass.is_own() {
         let triangles: usize = materials(grass).map(|(name, _)| grass.plant.blades_of(name).triangles()).sum();
@@ -40,7 +40,7 @@ pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) 
     for (name, optics) in materials(grass) {
         if grass.is_own() {
             for (transform, shape) in grass.places().zip(own(grass, name)) {
-                world.instances.push(transport::Placement { leaf: world.leaves.len(), transform });
+                world.instances.push(transport::ReferencePlacement { leaf: world.leaves.len(), transform });
                 world.leaves.push(blade(&shape, optics));
             }
             continue;
@@ -49,7 +49,7 @@ pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) 
             let leaf = world.leaves.len();
             world.leaves.push(blade(&shape, optics));
             let moved = |k| DMat4::from_translation(grass.moved(part, k));
-            let at = |(k, place)| transport::Placement { leaf, transform: place * moved(k) };
+            let at = |(k, place)| transport::ReferencePlacement { leaf, transform: place * moved(k) };
             world.instances.extend(grass.places().enumerate().map(at));
         }
     }
@@ -57,7 +57,7 @@ pub fn blades(manifest: &Manifest, grass: &Grass, world: &mut transport::World) 
 }
 
 /// Leans the blades of all lawns for a time (s). `first` is the index in the world of the first lawn's first leaf.
-pub fn lean(lawns: &[Grass], world: &mut transport::World, first: usize, time: f64) {
+pub fn lean(lawns: &[PlacedLawn], world: &mut transport::ReferenceWorld, first: usize, time: f64) {
     let mut next = first;
     for grass in lawns {
         for (name, _) in materials(grass) {
@@ -80,20 +80,20 @@ pub fn lean(lawns: &[Grass], world: &mut transport::World, first: usize, time: f
 }
 
 /// The materials of the blades, with their optics.
-fn materials(grass: &Grass) -> impl Iterator<Item = (&str, &Optics)> {
+fn materials(grass: &PlacedLawn) -> impl Iterator<Item = (&str, &Optics)> {
     let named = |leaf: &Leaf| grass.plant.blades.get(leaf.blade).map(|blade| blade.material.as_str());
     let materials: BTreeSet<&str> = grass.plant.leaves.iter().filter_map(named).collect();
     materials.into_iter().filter_map(|material| Some((material, grass.leaves.get(material)?)))
 }
 
 /// The blades of a material in each part of the rectangle that has some.
-fn parts<'a>(grass: &'a Grass, material: &'a str) -> impl Iterator<Item = (Option<[usize; 2]>, LeafMesh)> + 'a {
+fn parts<'a>(grass: &'a PlacedLawn, material: &'a str) -> impl Iterator<Item = (Option<[usize; 2]>, LeafMesh)> + 'a {
     let shape = |part| grass.plant.blades_at(material, |leaf| grass.in_part(leaf, part));
     grass.parts().into_iter().map(move |part| (part, shape(part))).filter(|(_, shape)| !shape.indices.is_empty())
 }
 
 /// The blades of a material in each rectangle. In an irregular lawn and on a hill, every rectangle has others.
-fn own<'a>(grass: &'a Grass, material: &'a str) -> impl Iterator<Item = Arc<LeafMesh>> + 'a {
+fn own<'a>(grass: &'a PlacedLawn, material: &'a str) -> impl Iterator<Item = Arc<LeafMesh>> + 'a {
     let shape = |k| Arc::new(grass.plant.blades_at(material, |leaf| Some(grass.place_in(leaf, k))));
     let alike = (grass.irregular.is_none() && grass.hill.is_none()).then(|| shape(0));
     (0..grass.tiles[0] * grass.tiles[1]).map(move |k| alike.clone().unwrap_or_else(|| shape(k)))
@@ -103,7 +103,7 @@ fn own<'a>(grass: &'a Grass, material: &'a str) -> impl Iterator<Item = Arc<Leaf
 fn blade(shape: &LeafMesh, optics: &Optics) -> transport::ReferenceLeaf {
     let maps = |c: [f64; 3]| c.map(|v| vec![v as f32]);
     let [front, back] = optics.rho_d.map(|rho_d| {
-        let interior = transport::Interior::Maps { rho_d: maps(rho_d), rho_t: maps(optics.rho_t) };
+        let interior = transport::ReferenceInterior::Maps { rho_d: maps(rho_d), rho_t: maps(optics.rho_t) };
         transport::ReferenceSide { interior, ..black(1) }
     });
     transport::ReferenceLeaf {
@@ -119,25 +119,25 @@ fn blade(shape: &LeafMesh, optics: &Optics) -> transport::ReferenceLeaf {
 
 #[cfg(feature = "render")]
 mod slices {
-    use crate::manifest::{Manifest, ViewKind};
+    use crate::manifest::{SceneManifest, ViewKind};
     use crate::placed::daylight::sun_direction;
-    use crate::placed::grass::Grass;
-    use crate::placed::leaning::Leaning;
+    use crate::placed::grass::PlacedLawn;
+    use crate::placed::lawn_lean::LawnLean;
     use glam::{DVec2, DVec3, Vec2, Vec3};
-    use mesophyll_fits::grass::march::Slices;
-    use mesophyll_fits::grass::sheet::{self, Sheet};
-    use mesophyll_fits::grass::through;
-    use mesophyll_transport::Camera;
+    use mesophyll_fits::grass::march::LawnSlices;
+    use mesophyll_fits::grass::sheet::{self, SliceAtlas};
+    use mesophyll_fits::grass::transmittance;
+    use mesophyll_transport::ReferenceCamera;
     use mesophyll_viewer::scene as viewer;
     use std::f64::consts::FRAC_PI_2;
     use std::sync::Arc;
 
     /// A lawn in the renderer's form, over ground of this reflectance.
-    pub fn lawn(grass: &Grass, slices: &Slices, soil: [f64; 3], steps: usize) -> viewer::Grass {
+    pub fn lawn(grass: &PlacedLawn, slices: &LawnSlices, soil: [f64; 3], steps: usize) -> viewer::Grass {
         let table = |values: [f64; viewer::GRASS_STEPS + 1]| values.map(|v| v as f32);
         let half = Vec2::new(slices.period[0] as f32, slices.period[1] as f32) * 0.5;
         let rest = Vec2::new(grass.tiles[0] as f32 - 0.5, grass.tiles[1] as f32 - 0.5) * 2.0 * half;
-        let light = through::through(slices);
+        let light = transmittance::through(slices);
         viewer::Grass {
             name: grass.name.clone(),
             origin: Vec3::new(grass.origin.x as f32, grass.origin.y as f32, grass.origin.z as f32),
@@ -154,10 +154,10 @@ mod slices {
             upright: one_sheet(&slices.upright),
             level: slices.level.as_ref().map(one_sheet),
             soil: soil.map(|v| v as f32),
-            scatter: through::scattered(slices).map(|v| v as f32),
+            scatter: transmittance::scattered(slices).map(|v| v as f32),
             through: light.map(table),
-            open: table(through::open(slices, &light)),
-            soil_open: through::open_ground(slices) as f32,
+            open: table(transmittance::open(slices, &light)),
+            soil_open: transmittance::open_ground(slices) as f32,
             gusts: grass.leaning.as_ref().map(|leaning| Arc::new(gusts(leaning))),
             irregular: slices.irregular,
             hill: grass.hill.map(|hill| viewer::GrassHill {
@@ -179,7 +179,7 @@ mod slices {
 
     /// Whether the level slice gives more than [`LITTLE`] to any ray of a view or of the sun. Rays are tested up to the
     /// steepest of them. Pictures have the shape that the manifest's check states.
-    pub fn seen_from_above(grass: &Grass, slices: &Slices, manifest: &Manifest) -> bool {
+    pub fn seen_from_above(grass: &PlacedLawn, slices: &LawnSlices, manifest: &SceneManifest) -> bool {
         let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height);
         let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let of_views = views.map(|view| steepest(&super::super::reference::camera(view), aspect));
@@ -207,7 +207,7 @@ mod slices {
     }
 
     /// The largest |Ω_z| of a camera's rays: 1 where it sees straight down or up, else that at the edge of its picture.
-    fn steepest(camera: &Camera, aspect: f64) -> f64 {
+    fn steepest(camera: &ReferenceCamera, aspect: f64) -> f64 {
         let forward = (camera.target - camera.eye).normalize_or_zero();
         let right = forward.cross(camera.up).normalize_or_zero();
         let above = right.cross(forward);
@@ -228,7 +228,7 @@ mod slices {
     }
 
     /// The gusts that lean a lawn, in the renderer's precision.
-    fn gusts(Leaning { gusts, lean_per_m_s }: &Leaning) -> viewer::GrassGusts {
+    fn gusts(LawnLean { gusts, lean_per_m_s }: &LawnLean) -> viewer::GrassGusts {
         let lean = |v: DVec2| (v * *lean_per_m_s).as_vec2().to_array();
         let added = gusts.motion.values.iter().map(|v| lean(gusts.across(v.map(f64::from)))).collect();
         viewer::GrassGusts {
@@ -240,10 +240,10 @@ mod slices {
         }
     }
 
-    fn one_sheet(from: &Sheet) -> viewer::GrassSheet {
-        let level = |l: &sheet::Level| {
+    fn one_sheet(from: &SliceAtlas) -> viewer::GrassSheet {
+        let level = |l: &sheet::AtlasLevel| {
             let plane = |of: [Option<usize>; 4]| {
-                let one = |t: &sheet::Texel| of.map(|c| c.map_or(0.0, |c| t[c]));
+                let one = |t: &sheet::SliceTexel| of.map(|c| c.map_or(0.0, |c| t[c]));
                 l.texels.iter().map(one).collect()
             };
             let planes = [[10, 11, 12, 0], [1, 2, 3, 13], [4, 5, 6, 13]].map(|of| plane(of.map(Some)));
@@ -265,7 +265,8 @@ mod slices {
 
         #[test]
         fn the_steepest_ray_of_a_camera() {
-            let camera = |eye: [f64; 3]| Camera { eye: eye.into(), target: DVec3::ZERO, up: DVec3::Z, fov_y_deg: 20.0 };
+            let camera =
+                |eye: [f64; 3]| ReferenceCamera { eye: eye.into(), target: DVec3::ZERO, up: DVec3::Z, fov_y_deg: 20.0 };
             // The elevation is 30° in the middle, and 40° at the lower edge.
             let found = steepest(&camera([-3f64.sqrt(), 0.0, 1.0]), 1.5);
             assert!((found - 40f64.to_radians().sin()).abs() < 1e-3, "{found}");

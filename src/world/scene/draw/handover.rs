@@ -2,25 +2,25 @@
 //!
 //! The reference renderer gets its data in another way (`super::reference`).
 
-use super::card::Card;
+use super::card::LeafCard;
 use super::leaf_maps;
-use super::sections::{Barks, plants};
-use super::{between, detail, grass, tubes};
-use crate::loaded::Scene;
+use super::sections::{BarkSections, plants};
+use super::{detail, grass, transfer, tubes};
+use crate::loaded::LoadedScene;
 use crate::loaded::curve::curve;
-use crate::manifest::View;
-use crate::placed::Placed;
+use crate::manifest::SceneView;
+use crate::placed::PlacedScene;
 use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::placed::ledger::Ledger;
-use crate::placed::placement::Placement;
-use crate::placed::plant::Wood;
+use crate::placed::placement::LeafPlacement;
+use crate::placed::plant::PlacedWood;
 use crate::plan::levels;
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3, Vec2, Vec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::side::Side;
-use mesophyll_sky::fitted::Folded;
-use mesophyll_sky::{Coefficients, panorama};
+use mesophyll_sky::polynomials::FoldedPolynomials;
+use mesophyll_sky::{HarmonicCoefficients, panorama};
 use mesophyll_transport::environment::Environment;
 use mesophyll_viewer::scene as viewer;
 use mesophyll_web::bundle::slab_curve;
@@ -35,15 +35,15 @@ const MANY_TRIANGLES: usize = 200_000;
 ///
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
-pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
-    let Scene { manifest, placed, .. } = scene;
+pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
+    let LoadedScene { manifest, placed, .. } = scene;
     let mut out = lights(scene, ledger)?;
     let mut index = vec![None; placed.leaves.len()];
     // Meshes are in the order of the transfer's meshes. Those are finer where the transfer has the vertices' shares of
     // the sun.
     let finer = scene.transfer.as_ref().and_then(|t| t.sun.as_ref()).map(|sun| &sun.receivers.blades);
     let shown = |k: usize, mesh: &LeafMesh| match finer {
-        Some(blades) => between::mesh(&blades[k].mesh),
+        Some(blades) => transfer::mesh(&blades[k].mesh),
         None => viewer_mesh(mesh),
     };
     for leaf in scene.drawn() {
@@ -53,7 +53,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     for p in &placed.placements {
         if let Some(drawn) = index[p.leaf] {
-            let carried = p.section.map(|k| viewer::Carried { first: k as u32, vertices: None });
+            let carried = p.section.map(|k| viewer::SectionBinding { first: k as u32, vertices: None });
             out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), carried, ..drawn });
         }
     }
@@ -72,7 +72,7 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     let leaves: usize = out.instances.iter().map(|i| out.meshes[i.mesh].indices.len() / 3).sum();
     let all_wood: usize = placed.wood.iter().map(|w| w.mesh.triangles() * w.places.len()).sum();
-    let mut barks = Barks::default();
+    let mut barks = BarkSections::default();
     for wood in &placed.wood {
         let mut mesh = shown(out.meshes.len(), &wood.mesh);
         let mut on_ring = Vec::new();
@@ -107,12 +107,12 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
         out.grass.push(Arc::new(drawn));
     }
     if placed.moves().with_time() {
-        out.wind = Some(viewer::Wind { time_s: manifest.rest_time() });
+        out.wind = Some(viewer::WindState { time_s: manifest.rest_time() });
     }
     if let Some(found) = &scene.transfer {
-        between::arriving(found, &levels::eyes(manifest, placed), &mut out);
+        transfer::arriving(found, &levels::eyes(manifest, placed), &mut out);
         if let Some(direction) = sun_direction(manifest) {
-            between::shade(found, direction, &mut out)?;
+            transfer::shade(found, direction, &mut out)?;
         }
     }
     Ok(out)
@@ -122,14 +122,14 @@ pub fn scene(scene: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
 ///
 /// # Errors
 /// As [`scene`].
-pub fn shown(of: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
+pub fn shown(of: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     let bloom = of.manifest.bloom.filter(|share| *share > 0.0).map(|share| share as f32);
     Ok(viewer::Scene { bloom, ..scene(of, ledger)? })
 }
 
 /// A blade in the renderer's precision, with its levels of detail. With `card`, the coarsest are flat, and the last is
 /// a card, where these can stand for the blade; the mesh then has vertices of its own for them, after the blade's.
-pub fn with_details(mesh: &LeafMesh, leaf: Option<&viewer::Leaf>, card: bool) -> viewer::Mesh {
+pub fn with_details(mesh: &LeafMesh, leaf: Option<&viewer::LeafMaterial>, card: bool) -> viewer::Mesh {
     let mut out = viewer_mesh(mesh);
     let cut = leaf.and_then(|l| Some((l.mask.as_ref()?, [l.width, l.height])));
     let shown = cut.map(|(mask, [width, height])| {
@@ -144,13 +144,13 @@ pub fn with_details(mesh: &LeafMesh, leaf: Option<&viewer::Leaf>, card: bool) ->
 }
 
 /// Gives a mesh levels of detail, and the vertices that only these have.
-fn append(mesh: &mut viewer::Mesh, levels: Vec<detail::Detail>, vertices: &LeafMesh) {
+fn append(mesh: &mut viewer::Mesh, levels: Vec<detail::MeshDetailLevel>, vertices: &LeafMesh) {
     let more = viewer_mesh(vertices);
     mesh.positions.extend(more.positions);
     mesh.normals.extend(more.normals);
     mesh.tangents.extend(more.tangents);
     mesh.uvs.extend(more.uvs);
-    mesh.details.extend(levels.into_iter().map(|level| viewer::Detail {
+    mesh.details.extend(levels.into_iter().map(|level| viewer::DetailLevel {
         indices: level.indices,
         error: level.error_mm as f32,
         outline_only: level.outline_only,
@@ -158,16 +158,16 @@ fn append(mesh: &mut viewer::Mesh, levels: Vec<detail::Detail>, vertices: &LeafM
 }
 
 /// Whether the ground lies below everything else in the scene.
-fn below_all(placed: &Placed) -> bool {
+fn below_all(placed: &PlacedScene) -> bool {
     let Some((ground, _)) = &placed.ground else { return false };
     let height = ground.positions.first().map_or(0.0, |p| p.z);
-    let stands = |w: &Wood| {
+    let stands = |w: &PlacedWood| {
         let above = |place: &DMat4| w.mesh.positions.iter().all(|v| place.transform_point3(*v).z >= height);
         w.places.iter().all(above)
     };
     let balls: Vec<Option<(DVec3, f64)>> =
         placed.leaves.iter().map(|l| l.mesh.as_ref().map(LeafMesh::bounds)).collect();
-    let leaf = |p: &Placement| {
+    let leaf = |p: &LeafPlacement| {
         let (mesh, (centre, radius)) = (placed.leaves[p.leaf].mesh.as_ref()?, balls[p.leaf]?);
         let low = p.transform.transform_point3(centre).z - radius * p.transform.x_axis.truncate().length();
         // Of most leaves the ball is above the ground, so that no vertex is looked at.
@@ -178,11 +178,11 @@ fn below_all(placed: &Placed) -> bool {
 
 /// Wood: diffuse bark that transmits nothing.
 fn barked(name: &str, bark: [f64; 3]) -> viewer::Material {
-    viewer::Material::Opaque(viewer::Opaque { name: name.into(), albedo: bark.map(|v| v as f32) })
+    viewer::Material::Opaque(viewer::OpaqueMaterial { name: name.into(), albedo: bark.map(|v| v as f32) })
 }
 
 /// Sun, sky, exposure, and the sampling of shadows and edges.
-fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewer::Scene> {
+fn lights(LoadedScene { manifest, plan, .. }: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     let beyond = [
         ("periodic", "scenes that repeat", manifest.periodic.is_some()),
@@ -233,11 +233,15 @@ fn lights(Scene { manifest, plan, .. }: &Scene, ledger: &Ledger) -> Result<viewe
 ///
 /// # Errors
 /// [`Error::Usage`] for a sun or turbidity outside the range of the polynomials.
-pub fn dome(daylight: &Daylight, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<viewer::Dome> {
+pub fn dome(
+    daylight: &Daylight,
+    bands: usize,
+    polynomials: Option<&FoldedPolynomials<f32>>,
+) -> Result<viewer::SkyDome> {
     let light = daylight.light(bands, polynomials)?;
     let picture = daylight.perez().is_none().then(|| looked_at(daylight));
     let (perez, scale) = daylight.perez().unwrap_or_default();
-    Ok(viewer::Dome {
+    Ok(viewer::SkyDome {
         harmonics: single(&light.harmonics),
         picture,
         perez: perez.map(|row| row.map(|v| v as f32)),
@@ -265,9 +269,9 @@ fn looked_at(daylight: &Daylight) -> viewer::Backdrop {
 }
 
 /// A sky that is a picture: its harmonics light the leaves, and it is seen behind them.
-pub fn pictured(map: &Environment, bands: usize, sun: Option<DVec3>) -> viewer::Dome {
+pub fn pictured(map: &Environment, bands: usize, sun: Option<DVec3>) -> viewer::SkyDome {
     let (width, height, texels) = map.texels();
-    viewer::Dome {
+    viewer::SkyDome {
         harmonics: single(&map.harmonics(bands)),
         picture: Some(viewer::Backdrop {
             width: width as u32,
@@ -285,12 +289,12 @@ pub fn pictured(map: &Environment, bands: usize, sun: Option<DVec3>) -> viewer::
 }
 
 /// Coefficients in the renderer's precision.
-fn single(of: &Coefficients) -> Vec<[f32; 3]> {
+fn single(of: &HarmonicCoefficients) -> Vec<[f32; 3]> {
     of.values().iter().map(|c| c.map(|v| v as f32)).collect()
 }
 
 /// The camera of a view.
-pub fn camera(view: &View) -> viewer::Camera {
+pub fn camera(view: &SceneView) -> viewer::Camera {
     let vec = |v: Option<[f64; 3]>, or: [f64; 3]| Vec3::from(v.unwrap_or(or).map(|x| x as f32));
     viewer::Camera {
         eye: vec(view.eye_mm, [0.0; 3]),
@@ -316,7 +320,7 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
 ///
 /// # Errors
 /// [`Error::Input`] for a physical sky that the model refuses.
-pub fn card(scene: &Scene, card: &Card, ledger: &Ledger) -> Result<viewer::Scene> {
+pub fn card(scene: &LoadedScene, card: &LeafCard, ledger: &Ledger) -> Result<viewer::Scene> {
     let manifest = &scene.manifest;
     let mut out = lights(scene, ledger)?;
     (out.shadow_samples, out.msaa) = (0, 1);
@@ -344,7 +348,7 @@ pub fn card(scene: &Scene, card: &Card, ledger: &Ledger) -> Result<viewer::Scene
             }
         }
     };
-    let leaf = viewer::Leaf {
+    let leaf = viewer::LeafMaterial {
         name: manifest.leaves[card.leaf].name.clone(),
         width: 1,
         height: 1,

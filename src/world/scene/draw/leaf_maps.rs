@@ -2,15 +2,15 @@
 //! each side; or pigment maps, computed for each texel. A side whose light no camera sees is handed over black, without
 //! maps.
 
-use crate::loaded::Leaf;
+use crate::loaded::LoadedLeaf;
 use crate::loaded::map_levels::halve;
-use crate::loaded::translucency::Of;
-use crate::manifest::{Interior, Manifest};
-use crate::placed::fits::reads;
+use crate::loaded::translucency::TranslucencyQuantity;
+use crate::manifest::{InteriorSource, SceneManifest};
+use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_files::quantity::Quantity;
-use mesophyll_fits::leaf_folder::{File, fill};
+use mesophyll_fits::leaf_folder::{LeafFitFile, filling};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_viewer::scene as viewer;
@@ -21,7 +21,7 @@ use rayon::prelude::*;
 ///
 /// # Errors
 /// [`Error::Input`] where the leaf is not fitted, or a map is missing or damaged.
-pub fn leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::Leaf> {
+pub fn leaf(manifest: &SceneManifest, leaf: LoadedLeaf, ledger: &Ledger) -> Result<viewer::LeafMaterial> {
     let config = leaf.config;
     if let Some(stated) = &config.uniform {
         return Ok(uniform(config, stated, &leaf));
@@ -54,14 +54,16 @@ pub fn leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
                 return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
             };
             let coefficients = match &maps.of {
-                Of::Factor(map) => viewer::Coefficients::Factor(shrink(map, leaf, mean3)),
-                Of::Colour(maps) => viewer::Coefficients::Colour([0, 1, 2].map(|c| shrink(&maps[c], leaf, mean3))),
+                TranslucencyQuantity::Factor(map) => viewer::CoefficientMaps::Factor(shrink(map, leaf, mean3)),
+                TranslucencyQuantity::Colour(maps) => {
+                    viewer::CoefficientMaps::Colour([0, 1, 2].map(|c| shrink(&maps[c], leaf, mean3)))
+                }
             };
             sides[side].translucency = Some(viewer::Translucency { basis: maps.basis, coefficients });
         }
     }
     let size = [leaf.plan.size[0].max(1), leaf.plan.size[1].max(1)];
-    Ok(viewer::Leaf {
+    Ok(viewer::LeafMaterial {
         name: config.name.clone(),
         width: size[0].div_ceil(leaf.plan.block) as u32,
         height: size[1].div_ceil(leaf.plan.block) as u32,
@@ -73,7 +75,11 @@ pub fn leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<viewer::
 }
 
 /// A leaf that is the same everywhere, with the sides that the plan needs.
-fn uniform(config: &crate::manifest::Leaf, stated: &crate::manifest::Uniform, leaf: &Leaf) -> viewer::Leaf {
+fn uniform(
+    config: &crate::manifest::StatedLeaf,
+    stated: &crate::manifest::UniformLeaf,
+    leaf: &LoadedLeaf,
+) -> viewer::LeafMaterial {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     let side = |side: Side| {
         let needs = leaf.plan.sides[side as usize];
@@ -88,7 +94,7 @@ fn uniform(config: &crate::manifest::Leaf, stated: &crate::manifest::Uniform, le
         maps.gloss = (needs.gloss && stated.gloss().is_some()).then(|| vec![[r, g, b, stated.m as f32]]);
         maps
     };
-    viewer::Leaf {
+    viewer::LeafMaterial {
         name: config.name.clone(),
         width: 1,
         height: 1,
@@ -99,10 +105,17 @@ fn uniform(config: &crate::manifest::Leaf, stated: &crate::manifest::Uniform, le
     }
 }
 
-fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger: &Ledger) -> Result<viewer::SideMaps> {
+fn interior(
+    kind: InteriorSource,
+    leaf: LoadedLeaf,
+    s: usize,
+    side: Side,
+    shift: f32,
+    ledger: &Ledger,
+) -> Result<viewer::SideMaps> {
     let mut out = viewer::SideMaps::black();
     match kind {
-        Interior::Scalars => {
+        InteriorSource::Scalars => {
             let (Some(texels), Some(curve)) = (&leaf.loaded.textures[s].gamma_delta, &leaf.loaded.curves[s]) else {
                 return Ok(out);
             };
@@ -110,7 +123,7 @@ fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger
             out.gamma_delta = shrink(&shifted, leaf, mean4);
             out.interior = viewer::Interior::Scalars(slab_curve(curve));
         }
-        Interior::Maps => {
+        InteriorSource::Maps => {
             let [rho_d, rho_t] = pigment(leaf, side, ledger)?;
             out.interior =
                 viewer::Interior::Maps { rho_d: shrink(&rho_d, leaf, mean3), rho_t: shrink(&rho_t, leaf, mean3) };
@@ -123,10 +136,10 @@ fn interior(kind: Interior, leaf: Leaf, s: usize, side: Side, shift: f32, ledger
 ///
 /// # Errors
 /// [`Error::Input`] for a map that cannot be read.
-pub fn pigment(leaf: Leaf, side: Side, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
+pub fn pigment(leaf: LoadedLeaf, side: Side, ledger: &Ledger) -> Result<[Vec<[f32; 3]>; 2]> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(Default::default()) };
-    let path = fitted.path(File::Maps, side);
-    let maps = reads::maps(fitted, side, ledger)?;
+    let path = fitted.path(LeafFitFile::Maps, side);
+    let maps = reader::maps(fitted, side, ledger)?;
     if fitted.is_stated() {
         let planes = maps.require_planes(&path, &[Quantity::RhoD, Quantity::RhoT])?;
         let of = |first: usize| (0..planes[0].len()).map(|k| [0, 1, 2].map(|c| planes[first + c][k])).collect();
@@ -142,31 +155,32 @@ pub fn pigment(leaf: Leaf, side: Side, ledger: &Ledger) -> Result<[Vec<[f32; 3]>
         let r = [0, 1, 2].map(|c| slab::response(f64::from(sigma[c][k]), f64::from(sigma[3 + c][k]), h));
         [r.map(|r| r.rho_d as f32), r.map(|r| r.rho_t as f32)]
     };
-    let solved: Vec<[[f32; 3]; 2]> = ledger.note("solve", reads::entry(fitted, &File::Maps.name(side)), 0, || {
-        (0..thickness.len()).into_par_iter().map(texel).collect()
-    });
+    let solved: Vec<[[f32; 3]; 2]> =
+        ledger.note("solve", reader::entry(fitted, &LeafFitFile::Maps.name(side)), 0, || {
+            (0..thickness.len()).into_par_iter().map(texel).collect()
+        });
     let good: Vec<bool> = solved.iter().map(|t| t.iter().flatten().all(|v| v.is_finite())).collect();
     let mut both = [0, 1].map(|q: usize| solved.iter().map(|t| t[q]).collect::<Vec<_>>());
-    fill::require(&path, &mut both, &good, maps.width, maps.height)?;
+    filling::require(&path, &mut both, &good, maps.width, maps.height)?;
     Ok(both)
 }
 
-fn normals(leaf: Leaf, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+fn normals(leaf: LoadedLeaf, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
-    Ok(shrink(&reads::normals(fitted, side, ledger)?, leaf, mean3))
+    Ok(shrink(&reader::normals(fitted, side, ledger)?, leaf, mean3))
 }
 
 /// 1 where the fit found the leaf, in the front's columns. This is for meshes that do not end at the outline.
-fn mask(leaf: Leaf, ledger: &Ledger) -> Result<Vec<u8>> {
+fn mask(leaf: LoadedLeaf, ledger: &Ledger) -> Result<Vec<u8>> {
     let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
-    let maps = reads::maps(fitted, Side::Front, ledger)?;
-    let mask = maps.require_scalar(&fitted.path(File::Maps, Side::Front), Quantity::Mask)?;
+    let maps = reader::maps(fitted, Side::Front, ledger)?;
+    let mask = maps.require_scalar(&fitted.path(LeafFitFile::Maps, Side::Front), Quantity::Mask)?;
     let on: Vec<u8> = mask.iter().map(|v| u8::from(*v != 0.0)).collect();
     Ok(shrink(&on, leaf, |a, b, c, d| u8::from(a + b + c + d >= 2)))
 }
 
 /// Averages over blocks of `leaf.plan.block` texels along a side.
-fn shrink<T: Copy>(texels: &[T], leaf: Leaf, join: impl Fn(T, T, T, T) -> T + Copy) -> Vec<T> {
+fn shrink<T: Copy>(texels: &[T], leaf: LoadedLeaf, join: impl Fn(T, T, T, T) -> T + Copy) -> Vec<T> {
     let ([mut w, mut h], mut out, mut block) = (leaf.plan.size, texels.to_vec(), leaf.plan.block);
     while block > 1 {
         (w, h, out) = halve(&out, w, h, join);

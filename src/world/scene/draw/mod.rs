@@ -1,10 +1,8 @@
 //! The data of a planned scene that both renderers draw.
 
-#[cfg(feature = "render")]
-pub mod between;
 pub mod card;
 pub mod detail;
-pub mod flat;
+pub mod flat_blade;
 pub mod grass;
 #[cfg(feature = "render")]
 pub mod handover;
@@ -15,13 +13,15 @@ pub mod polygon;
 pub mod poses;
 pub mod reference;
 #[cfg(feature = "render")]
-pub mod scanned;
+pub mod scan;
+#[cfg(feature = "render")]
+pub mod scene_reference;
 #[cfg(feature = "render")]
 pub mod sections;
 pub mod soil;
-pub mod sunlit;
+pub mod sunlight;
+#[cfg(feature = "render")]
+pub mod transfer;
 #[cfg(feature = "render")]
 pub mod true_leaf;
-#[cfg(feature = "render")]
-pub mod truth;
 pub mod tubes;

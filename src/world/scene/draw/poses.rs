@@ -1,9 +1,9 @@
 //! Hands the branches of plants that move to the GPU renderer, which poses them on the adapter. Places are those of
 //! `flora::pose`, in world space; they become single only after everything has been counted from a branch's root.
 
-use crate::placed::winds::{Swaying, Winds};
+use crate::placed::winds::{SwayingPlant, SwayingPlants};
 use glam::{DMat3, DMat4, DVec3, Vec3};
-use mesophyll_plants::pose::{Lengths, Limb};
+use mesophyll_plants::pose::{LengthConstraint, Limb};
 use mesophyll_viewer::scene as viewer;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -12,12 +12,12 @@ use std::sync::Arc;
 const SHARE: usize = 256;
 
 /// Everything that the adapter needs to pose the plants of a scene.
-pub fn poses(winds: &Arc<Winds>, lengths: Lengths) -> viewer::Poses {
-    let mut out = viewer::Poses {
+pub fn poses(winds: &Arc<SwayingPlants>, lengths: LengthConstraint) -> viewer::PoseHierarchy {
+    let mut out = viewer::PoseHierarchy {
         limbs: Vec::new(),
         pieces: Vec::new(),
         seats: Vec::new(),
-        closed_form: lengths == Lengths::ClosedForm,
+        closed_form: lengths == LengthConstraint::ClosedForm,
         amplitudes: Arc::new(winds.amplitudes()),
         turns: None,
     };
@@ -31,9 +31,9 @@ pub fn poses(winds: &Arc<Winds>, lengths: Lengths) -> viewer::Poses {
 }
 
 /// The angle of every section: those of leaves that flutter, and 0.
-fn turns(winds: Arc<Winds>) -> impl Fn(f64) -> Vec<f32> + Send + Sync {
+fn turns(winds: Arc<SwayingPlants>) -> impl Fn(f64) -> Vec<f32> + Send + Sync {
     move |time| {
-        let of_place = |(_, swaying, place): (usize, &Swaying, usize)| {
+        let of_place = |(_, swaying, place): (usize, &SwayingPlant, usize)| {
             let count = swaying.sections.on().len();
             let Some(flutter) = &swaying.flutter else { return vec![0.0; count] };
             let leaves = (0..flutter.leaves()).into_par_iter().with_min_len(SHARE);
@@ -46,7 +46,7 @@ fn turns(winds: Arc<Winds>) -> impl Fn(f64) -> Vec<f32> + Send + Sync {
 }
 
 /// A plant at one of its places.
-fn add(out: &mut viewer::Poses, swaying: &Swaying, place: usize) {
+fn add(out: &mut viewer::PoseHierarchy, swaying: &SwayingPlant, place: usize) {
     let to_world = swaying.sections.places()[place];
     let scale = to_world.determinant().cbrt();
     let turn = DMat3::from_mat4(to_world) * scale.recip();
@@ -60,16 +60,16 @@ fn add(out: &mut viewer::Poses, swaying: &Swaying, place: usize) {
             (parent, at, piece, point)
         });
         let pieces = out.pieces.len() as u32;
-        out.pieces.extend(limb.pieces.iter().map(|(begin, at, way)| viewer::Piece {
+        out.pieces.extend(limb.pieces.iter().map(|(begin, at, way)| viewer::AxisPiece {
             begin: *begin as f32,
             place: (turn * (*at - limb.root) * scale).as_vec3(),
             way: (turn * *way).as_vec3(),
         }));
         if limb.pieces.is_empty() {
-            out.pieces.push(viewer::Piece { begin: 0.0, place: Vec3::ZERO, way: (turn * limb.axes[0]).as_vec3() });
+            out.pieces.push(viewer::AxisPiece { begin: 0.0, place: Vec3::ZERO, way: (turn * limb.axes[0]).as_vec3() });
         }
         let shape = limb.shape.single();
-        out.limbs.push(viewer::Limb {
+        out.limbs.push(viewer::PoseLimb {
             root: to_world.transform_point3(limb.root).as_vec3(),
             axes: [limb.axes[0], limb.axes[1]].map(|a| (turn * a).as_vec3()),
             length: (limb.length * scale) as f32,
@@ -95,10 +95,10 @@ struct Frame {
     scale: f64,
 }
 
-fn seat(frame: &Frame, limb: u32, of: &Limb, share: f64, hang: Option<(DVec3, DVec3)>) -> viewer::Seat {
+fn seat(frame: &Frame, limb: u32, of: &Limb, share: f64, hang: Option<(DVec3, DVec3)>) -> viewer::SectionSeat {
     let (piece, axis) = of.rest(share).unwrap_or((0, of.root));
     let (point, about) = hang.unwrap_or((axis, of.axes[0]));
-    viewer::Seat {
+    viewer::SectionSeat {
         limb,
         share: share as f32,
         piece: piece as u32,

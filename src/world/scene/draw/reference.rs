@@ -3,22 +3,22 @@
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
-use super::sunlit::{relight, relight_everywhere};
+use super::sunlight::{relight, relight_everywhere};
 use super::{grass, soil};
-use crate::loaded::{Leaf, Scene};
-use crate::manifest::{Interior, Manifest, View};
-use crate::placed::Placed;
+use crate::loaded::{LoadedLeaf, LoadedScene};
+use crate::manifest::{InteriorSource, SceneManifest, SceneView};
+use crate::placed::PlacedScene;
 use crate::placed::daylight::{Daylight, sun_direction};
-use crate::placed::fits::reads;
+use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
-use mesophyll_fits::leaf_folder::{File, LeafFit, fill};
+use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
-use mesophyll_optics::slab::chebyshev::Chebyshev;
+use mesophyll_optics::slab::chebyshev::SlabInterpolant;
 use mesophyll_transport::environment::Environment;
 use mesophyll_transport::{self as transport, lobe, world};
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
-pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
+pub fn world(scene: &LoadedScene, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = standing(scene, ledger)?;
     stand_at(&mut out, scene, scene.manifest.rest_time());
     relight(&mut out, scene, &scene.placed.eyes)?;
@@ -37,8 +37,8 @@ pub fn world(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
 }
 
 /// The scene at rest, without sunlight through its leaves.
-fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
-    let Scene { manifest, placed, .. } = scene;
+fn standing(scene: &LoadedScene, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
+    let LoadedScene { manifest, placed, .. } = scene;
     let mut out = lights(manifest)?;
     let mut index = vec![None; placed.leaves.len()];
     for leaf in scene.drawn() {
@@ -47,18 +47,19 @@ fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
     }
     for p in &placed.placements {
         if let Some(leaf) = index[p.leaf] {
-            out.instances.push(transport::Placement { leaf, transform: p.transform });
+            out.instances.push(transport::ReferencePlacement { leaf, transform: p.transform });
         }
     }
     placed.grass.iter().try_for_each(|grass| grass::blades(manifest, grass, &mut out))?;
     for wood in &placed.wood {
         let leaf = out.leaves.len();
-        out.instances.extend(wood.places.iter().map(|transform| transport::Placement { leaf, transform: *transform }));
+        out.instances
+            .extend(wood.places.iter().map(|transform| transport::ReferencePlacement { leaf, transform: *transform }));
         out.leaves.push(barked(wood.bark, &wood.mesh));
     }
     if let Some((ground, albedo)) = &placed.ground {
         out.ground = Some(out.instances.len());
-        out.instances.push(transport::Placement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
+        out.instances.push(transport::ReferencePlacement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
         out.leaves.push(barked(*albedo, ground));
     }
     Ok(out)
@@ -67,7 +68,7 @@ fn standing(scene: &Scene, ledger: &Ledger) -> Result<transport::World> {
 /// Wood: diffuse bark that transmits nothing.
 fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
     let mut front = black(1);
-    if let transport::Interior::Maps { rho_d, .. } = &mut front.interior {
+    if let transport::ReferenceInterior::Maps { rho_d, .. } = &mut front.interior {
         *rho_d = bark.map(|v| vec![v as f32]);
     }
     transport::ReferenceLeaf {
@@ -86,7 +87,7 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
 ///
 /// # Errors
 /// As [`world`].
-pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
+pub fn traced(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = still(scene, time, ledger)?;
     relight_everywhere(&mut out, scene)?;
     Ok(out)
@@ -96,7 +97,7 @@ pub fn traced(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wo
 ///
 /// # Errors
 /// As [`world`].
-pub fn still(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
+pub fn still(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = unlit(scene, time, ledger)?;
     out.foliar = scene.drawn().map(|leaf| leaf.config.layers.clone()).collect();
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
@@ -112,7 +113,7 @@ pub fn still(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wor
 ///
 /// # Errors
 /// [`Error::Input`] for a physical sky that the model refuses.
-pub fn part_sun(world: &mut transport::World, manifest: &Manifest) -> Result<()> {
+pub fn part_sun(world: &mut transport::ReferenceWorld, manifest: &SceneManifest) -> Result<()> {
     if let Some(picture) = manifest.pictured() {
         (world.environment, world.sun) = (Some(picture.rest.clone()), sun(manifest)?);
     }
@@ -121,7 +122,7 @@ pub fn part_sun(world: &mut transport::World, manifest: &Manifest) -> Result<()>
 
 /// Adds the grain to the ground of a world that [`traced`] made, where the scene has one. Only pictures for people to
 /// look at have it. A check compares with a renderer that draws an even ground.
-pub fn grain(world: &mut transport::World, scene: &Scene) {
+pub fn grain(world: &mut transport::ReferenceWorld, scene: &LoadedScene) {
     let Some((k, ground)) = world.ground.zip(scene.manifest.ground.as_ref()) else { return };
     let size = world.periodic.unwrap_or([2.0 * ground.reach_mm.unwrap_or_default(); 2]);
     if let Some(leaf) = soil::leaf(ground, size, world.periodic.is_some()) {
@@ -134,7 +135,7 @@ pub fn grain(world: &mut transport::World, scene: &Scene) {
 ///
 /// # Errors
 /// As [`world`].
-pub fn unlit(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::World> {
+pub fn unlit(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = standing(scene, ledger)?;
     stand_at(&mut out, scene, time);
     Ok(out)
@@ -144,7 +145,7 @@ pub fn unlit(scene: &Scene, time: f64, ledger: &Ledger) -> Result<transport::Wor
 ///
 /// # Errors
 /// [`Error::Input`] for a leaf whose inside cannot be read.
-pub fn move_to(world: &mut transport::World, scene: &Scene, time: f64) -> Result<()> {
+pub fn move_to(world: &mut transport::ReferenceWorld, scene: &LoadedScene, time: f64) -> Result<()> {
     if !scene.placed.moves().any() {
         return Ok(());
     }
@@ -153,7 +154,7 @@ pub fn move_to(world: &mut transport::World, scene: &Scene, time: f64) -> Result
 }
 
 /// The same, without sunlight through the leaves.
-fn stand_at(world: &mut transport::World, scene: &Scene, time: f64) {
+fn stand_at(world: &mut transport::ReferenceWorld, scene: &LoadedScene, time: f64) {
     let placed = &scene.placed;
     if !placed.moves().any() {
         return;
@@ -170,7 +171,7 @@ fn stand_at(world: &mut transport::World, scene: &Scene, time: f64) {
 }
 
 /// Moves only the plants' wood.
-pub fn move_wood(world: &mut transport::World, placed: &Placed, time: f64) {
+pub fn move_wood(world: &mut transport::ReferenceWorld, placed: &PlacedScene, time: f64) {
     let first = world.leaves.len() - usize::from(placed.ground.is_some()) - placed.wood.len();
     if let Some(winds) = &placed.winds {
         let sections = winds.sections(time);
@@ -184,28 +185,28 @@ pub fn move_wood(world: &mut transport::World, placed: &Placed, time: f64) {
 ///
 /// # Errors
 /// [`Error::Input`] for a physical sky that the model refuses.
-pub fn lights(manifest: &Manifest) -> Result<transport::World> {
+pub fn lights(manifest: &SceneManifest) -> Result<transport::ReferenceWorld> {
     let daylight = Daylight::of(manifest)?.map(|d| dome(manifest, d, 1.0));
-    Ok(transport::World {
+    Ok(transport::ReferenceWorld {
         sun: sun(manifest)?,
         sky: manifest.sky.as_ref().and_then(|s| s.radiance),
         dome: daylight.or_else(|| manifest.pictured().map(|p| pictured(&p.rest, 1.0))),
         background: manifest.background,
         exposure: manifest.exposure,
-        ..transport::World::default()
+        ..transport::ReferenceWorld::default()
     })
 }
 
 /// The sky itself, multiplied by `strength`, with the background below its horizon where there is no ground. The
 /// ground's radiance is computed again from the sky, not from its harmonics.
-pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport::Dome {
+pub fn dome(manifest: &SceneManifest, daylight: Daylight, strength: f64) -> transport::ReferenceDome {
     let above = |d: DVec3| if d.z > 0.0 { daylight.radiance(d) } else { [0.0; 3] };
     let ground = manifest.sky.as_ref().and_then(|s| s.ground_albedo).map(|albedo| {
         let sky = transport::closed_form::irradiance(&above, DVec3::Z);
         [0, 1, 2].map(|c| strength * albedo[c] * (sky[c] + daylight.sun[c] * daylight.zenith.cos()) / PI)
     });
     let below = ground.unwrap_or([0.0; 3]);
-    transport::Dome {
+    transport::ReferenceDome {
         radiance: Arc::new(move |d| if d.z > 0.0 { daylight.radiance(d).map(|v| strength * v) } else { below }),
         seen_below: Some(ground.unwrap_or(manifest.background)),
         nodes: None,
@@ -216,10 +217,10 @@ pub fn dome(manifest: &Manifest, daylight: Daylight, strength: f64) -> transport
 const NODES: usize = 256;
 
 /// A sky that is a picture, multiplied by `strength`.
-pub fn pictured(map: &Arc<Environment>, strength: f64) -> transport::Dome {
+pub fn pictured(map: &Arc<Environment>, strength: f64) -> transport::ReferenceDome {
     let (coarse, map) = (map.reduced(NODES), map.clone());
     let light = |((d, size), texel): ((DVec3, f64), &[f32; 3])| (d, texel.map(|v| strength * size * f64::from(v)));
-    transport::Dome {
+    transport::ReferenceDome {
         nodes: Some(Arc::new(coarse.centres().zip(coarse.texels().2).map(light).collect())),
         radiance: Arc::new(move |d| map.at(d).map(|v| strength * v)),
         seen_below: None,
@@ -227,7 +228,7 @@ pub fn pictured(map: &Arc<Environment>, strength: f64) -> transport::Dome {
 }
 
 /// The sun in the reference renderer's form; `None` where the scene has none.
-pub fn sun(manifest: &Manifest) -> Result<Option<transport::ReferenceSun>> {
+pub fn sun(manifest: &SceneManifest) -> Result<Option<transport::ReferenceSun>> {
     let (Some(direction), Some(sun)) = (sun_direction(manifest), &manifest.sun) else { return Ok(None) };
     let own = Daylight::of(manifest)?.map(|d| d.sun);
     let irradiance = sun.irradiance.or(own).unwrap_or_default();
@@ -235,8 +236,8 @@ pub fn sun(manifest: &Manifest) -> Result<Option<transport::ReferenceSun>> {
 }
 
 /// The camera of a perspective view. A view that does not state them has a field of view of 30° and z up.
-pub fn camera(view: &View) -> transport::Camera {
-    transport::Camera {
+pub fn camera(view: &SceneView) -> transport::ReferenceCamera {
+    transport::ReferenceCamera {
         eye: DVec3::from(view.eye_mm.unwrap_or_default()),
         target: DVec3::from(view.target_mm.unwrap_or_default()),
         up: DVec3::from(view.up.unwrap_or([0.0, 0.0, 1.0])),
@@ -260,7 +261,7 @@ pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
 pub fn black(texels: usize) -> transport::ReferenceSide {
     let none = || [vec![0.0; texels], vec![0.0; texels], vec![0.0; texels]];
     transport::ReferenceSide {
-        interior: transport::Interior::Maps { rho_d: none(), rho_t: none() },
+        interior: transport::ReferenceInterior::Maps { rho_d: none(), rho_t: none() },
         gloss: None,
         normal: None,
     }
@@ -268,7 +269,7 @@ pub fn black(texels: usize) -> transport::ReferenceSide {
 
 /// A leaf with everything that its fit has. Parts that the plan leaves out are drawn here too, so that the picture is
 /// compared with the leaf and not with the plan.
-fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
+fn one_leaf(manifest: &SceneManifest, leaf: LoadedLeaf, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
     let config = leaf.config;
     if let (Some(blade), Some(stated)) = (&leaf.placed.mesh, &config.uniform) {
         return Ok(uniform(config, stated, blade));
@@ -284,7 +285,7 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transpor
     let (mut sides, mut mask) = ([None, None], None);
     for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
         let read = one_side(leaf.placed.interior(config), fitted, side, ledger)?;
-        size = reads::same_size(fitted, side, size, read.size)?;
+        size = reader::same_size(fitted, side, size, read.size)?;
         if config.mesh.is_some() && s == 0 {
             mask = Some(read.on_leaf);
         }
@@ -304,14 +305,14 @@ fn one_leaf(manifest: &Manifest, leaf: Leaf, ledger: &Ledger) -> Result<transpor
 
 /// A leaf that is the same everywhere.
 fn uniform(
-    config: &crate::manifest::Leaf,
-    stated: &crate::manifest::Uniform,
+    config: &crate::manifest::StatedLeaf,
+    stated: &crate::manifest::UniformLeaf,
     blade: &LeafMesh,
 ) -> transport::ReferenceLeaf {
     let maps = |c: &[f64; 3]| c.map(|v| vec![v as f32]);
     let [front, back] = stated.rho_d.each_ref().map(|rho_d| transport::ReferenceSide {
-        interior: transport::Interior::Maps { rho_d: maps(rho_d), rho_t: maps(&stated.rho_t) },
-        gloss: stated.gloss().map(|rho_s| transport::Gloss { rho_s: maps(&rho_s), m: vec![stated.m as f32] }),
+        interior: transport::ReferenceInterior::Maps { rho_d: maps(rho_d), rho_t: maps(&stated.rho_t) },
+        gloss: stated.gloss().map(|rho_s| transport::ReferenceGloss { rho_s: maps(&rho_s), m: vec![stated.m as f32] }),
         normal: None,
     });
     let mesh = transport::ReferenceMesh { discs: config.discs.is_some(), ..mesh(blade) };
@@ -325,52 +326,57 @@ struct ReadSide {
     on_leaf: Vec<u8>,
 }
 
-fn one_side(interior: Interior, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
-    let path = fitted.path(File::Maps, side);
-    let maps = reads::maps(fitted, side, ledger)?;
+fn one_side(interior: InteriorSource, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
+    let path = fitted.path(LeafFitFile::Maps, side);
+    let maps = reader::maps(fitted, side, ledger)?;
     let (width, height) = (maps.width, maps.height);
     let inside: &[Quantity] = match interior {
-        Interior::Maps if fitted.is_stated() => &[Quantity::RhoD, Quantity::RhoT],
-        Interior::Maps => &[Quantity::SigmaA, Quantity::SigmaS],
-        Interior::Scalars => &[Quantity::Gamma],
+        InteriorSource::Maps if fitted.is_stated() => &[Quantity::RhoD, Quantity::RhoT],
+        InteriorSource::Maps => &[Quantity::SigmaA, Quantity::SigmaS],
+        InteriorSource::Scalars => &[Quantity::Gamma],
     };
     let common = [Quantity::Mask, Quantity::Thickness, Quantity::M, Quantity::RhoS];
     let mut planes = maps.require_planes(&path, &[&common, inside].concat())?;
     // A fit itself fills its maps beyond the good texels. Texels that it left undetermined are filled here.
     let good: Vec<bool> = (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
     let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
-    fill::require(&path, &mut planes, &good, width, height)?;
+    filling::require(&path, &mut planes, &good, width, height)?;
     let mut planes = planes.into_iter().skip(1);
     let mut one = || planes.next().unwrap_or_default();
     let (thickness, m) = (one(), one());
     let rho_s = [one(), one(), one()];
     let interior = if fitted.is_stated() {
-        transport::Interior::Maps { rho_d: [one(), one(), one()], rho_t: [one(), one(), one()] }
-    } else if interior == Interior::Maps {
+        transport::ReferenceInterior::Maps { rho_d: [one(), one(), one()], rho_t: [one(), one(), one()] }
+    } else if interior == InteriorSource::Maps {
         solved(&thickness, &[one(), one(), one(), one(), one(), one()])
     } else {
         let (low, high) =
             thickness.iter().fold((f64::INFINITY, 0f64), |(a, b), h| (a.min(f64::from(*h)), b.max(f64::from(*h))));
-        let curve = Chebyshev::new(fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?, low, high);
-        transport::Interior::Scalars { gamma: [one(), one(), one()], thickness, curve: Arc::new(move |h| curve.at(h)) }
+        let curve =
+            SlabInterpolant::new(fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?, low, high);
+        transport::ReferenceInterior::Scalars {
+            gamma: [one(), one(), one()],
+            thickness,
+            curve: Arc::new(move |h| curve.at(h)),
+        }
     };
-    let values = reads::normals(fitted, side, ledger)?;
+    let values = reader::normals(fitted, side, ledger)?;
     let normal = Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values });
     let glossy = rho_s.iter().flatten().any(|v| *v > 0.0);
-    let gloss = glossy.then_some(transport::Gloss { rho_s, m });
+    let gloss = glossy.then_some(transport::ReferenceGloss { rho_s, m });
     Ok(ReadSide { side: transport::ReferenceSide { interior, gloss, normal }, size: [width, height], on_leaf })
 }
 
 /// ρd and ρt of every texel, from its own σa, σs and thickness.
-fn solved(thickness: &[f32], sigma: &[Vec<f32>]) -> transport::Interior {
+fn solved(thickness: &[f32], sigma: &[Vec<f32>]) -> transport::ReferenceInterior {
     let texels: Vec<[f32; 6]> = (0..thickness.len())
         .into_par_iter()
         .map(|k| {
             let h = f64::from(thickness[k]);
-            let r = [0, 1, 2].map(|c| slab::exact::response(f64::from(sigma[c][k]), f64::from(sigma[3 + c][k]), h));
+            let r = [0, 1, 2].map(|c| slab::medium::response(f64::from(sigma[c][k]), f64::from(sigma[3 + c][k]), h));
             [r[0].rho_d, r[1].rho_d, r[2].rho_d, r[0].rho_t, r[1].rho_t, r[2].rho_t].map(|v| v as f32)
         })
         .collect();
     let plane = |c: usize| texels.iter().map(|t| t[c]).collect::<Vec<f32>>();
-    world::Interior::Maps { rho_d: [plane(0), plane(1), plane(2)], rho_t: [plane(3), plane(4), plane(5)] }
+    world::ReferenceInterior::Maps { rho_d: [plane(0), plane(1), plane(2)], rho_t: [plane(3), plane(4), plane(5)] }
 }

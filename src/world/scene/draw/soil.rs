@@ -5,7 +5,7 @@
 //! the ground's albedo, so that on average the ground returns the same light as an even one.
 
 use super::reference::{black, mesh};
-use crate::manifest::{GRAINS_A_TILE, Ground};
+use crate::manifest::{GRAINS_A_TILE, SceneGround};
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_transport::{self as transport, lobe};
@@ -26,10 +26,10 @@ const TINT: [f64; 3] = [1.15, 1.0, 0.8];
 
 /// The ground as a leaf of the world, `size` mm wide and deep; `None` where it has no grain. A ground that is
 /// `repeated` in a periodic scene has whole tiles, which are stretched slightly to fit.
-pub fn leaf(ground: &Ground, size: [f64; 2], repeated: bool) -> Option<transport::ReferenceLeaf> {
+pub fn leaf(ground: &SceneGround, size: [f64; 2], repeated: bool) -> Option<transport::ReferenceLeaf> {
     let grain = ground.grain_mm?;
     let mut front = black(TEXELS * TEXELS);
-    if let transport::Interior::Maps { rho_d, .. } = &mut front.interior {
+    if let transport::ReferenceInterior::Maps { rho_d, .. } = &mut front.interior {
         *rho_d = albedo(ground.albedo, ground.contrast(), TEXELS);
     }
     Some(transport::ReferenceLeaf {

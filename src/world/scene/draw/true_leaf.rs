@@ -2,12 +2,12 @@
 //! the scan's `truth/` instead of the fit, and everything else (mesh, placement, light) is unchanged. Comparing its
 //! picture with the picture from the fit shows the error of the fit.
 
-use crate::loaded::Scene;
+use crate::loaded::LoadedScene;
 use crate::{Error, Result};
 use mesophyll_capture::truth_path;
-use mesophyll_files::image::{Maps, read_exr};
+use mesophyll_files::image::{ChannelMaps, read_exr};
 use mesophyll_files::quantity::Quantity;
-use mesophyll_fits::leaf_folder::{fill, pack};
+use mesophyll_fits::leaf_folder::{filling, packing};
 use mesophyll_optics::side::Side;
 use mesophyll_transport::{self as transport, NormalFrame};
 use std::path::Path;
@@ -17,7 +17,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Input`] for a truth that exists and cannot be read.
-pub fn replace(world: &mut transport::World, scene: &Scene, out: &Path) -> Result<Vec<String>> {
+pub fn replace(world: &mut transport::ReferenceWorld, scene: &LoadedScene, out: &Path) -> Result<Vec<String>> {
     let manifest = &scene.manifest;
     let mut names = Vec::new();
     for (k, leaf) in scene.drawn().enumerate() {
@@ -34,19 +34,19 @@ pub fn replace(world: &mut transport::World, scene: &Scene, out: &Path) -> Resul
             let Some(truth) = open(&path, drawn)? else { continue };
             let place = if s == 0 { &mut drawn.front } else { &mut drawn.back };
             if leaf.plan.sides[s].interior() {
-                place.interior = transport::Interior::Maps {
+                place.interior = transport::ReferenceInterior::Maps {
                     rho_d: three(&truth, &path, Quantity::RhoD)?,
                     rho_t: three(&truth, &path, Quantity::RhoT)?,
                 };
             }
             if let Some(gloss) = &mut place.gloss {
-                *gloss = transport::Gloss {
+                *gloss = transport::ReferenceGloss {
                     rho_s: three(&truth, &path, Quantity::RhoS)?,
                     m: planes(&truth, &path, Quantity::M)?.remove(0),
                 };
             }
             if let Some(normal) = place.normal.as_mut().filter(|n| n.frame == NormalFrame::Tangent) {
-                normal.values = pack::tangent_normals(&path, &truth, side, mesh)?;
+                normal.values = packing::tangent_normals(&path, &truth, side, mesh)?;
             }
             replaced = true;
         }
@@ -58,25 +58,25 @@ pub fn replace(world: &mut transport::World, scene: &Scene, out: &Path) -> Resul
 }
 
 /// The truth of a side, where there is one with the size of the drawn maps.
-fn open(path: &Path, drawn: &transport::ReferenceLeaf) -> Result<Option<Maps>> {
+fn open(path: &Path, drawn: &transport::ReferenceLeaf) -> Result<Option<ChannelMaps>> {
     if !path.is_file() {
         return Ok(None);
     }
     Ok(Some(read_exr(path)?).filter(|t| (t.width, t.height) == (drawn.width, drawn.height)))
 }
 
-fn three(truth: &Maps, path: &Path, quantity: Quantity) -> Result<[Vec<f32>; 3]> {
+fn three(truth: &ChannelMaps, path: &Path, quantity: Quantity) -> Result<[Vec<f32>; 3]> {
     let found = planes(truth, path, quantity)?;
     found.try_into().map_err(|_| Error::input(path, "expected three channels"))
 }
 
 /// Channels, which are filled beyond the leaf like those of a fit.
-fn planes(truth: &Maps, path: &Path, quantity: Quantity) -> Result<Vec<Vec<f32>>> {
+fn planes(truth: &ChannelMaps, path: &Path, quantity: Quantity) -> Result<Vec<Vec<f32>>> {
     let mut found = truth.require_planes(path, &[quantity])?;
     let mask = truth.scalar(Quantity::Mask);
     let good: Vec<bool> = (0..found[0].len())
         .map(|k| mask.is_none_or(|m| m[k] != 0.0) && found.iter().all(|p| p[k].is_finite()))
         .collect();
-    fill::require(path, &mut found, &good, truth.width, truth.height)?;
+    filling::require(path, &mut found, &good, truth.width, truth.height)?;
     Ok(found)
 }

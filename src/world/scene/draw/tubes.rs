@@ -2,7 +2,7 @@
 //! much wider that its circumference stays, because a convex shape seen from all sides is on average as wide as its
 //! circumference over π (Cauchy). So wood covers as much of a picture as before. Lengths are in mm.
 
-use super::detail::Detail;
+use super::detail::MeshDetailLevel;
 use glam::DVec3;
 use mesophyll_files::mesh::LeafMesh;
 use std::f64::consts::{PI, TAU};
@@ -31,9 +31,9 @@ struct Ring {
 
 /// The levels of wood.
 #[derive(Debug, Clone, Default)]
-pub struct Levels {
+pub struct WoodLevels {
     /// The finest first.
-    pub levels: Vec<Detail>,
+    pub levels: Vec<MeshDetailLevel>,
     /// The vertices that are to be appended to the mesh's.
     pub more: LeafMesh,
     /// For each of them a vertex of the mesh on the same ring.
@@ -43,13 +43,13 @@ pub struct Levels {
 /// The levels of wood. There are none where the mesh does not consist of tubes in the order in which `grow` writes
 /// them. Wood that `bends` keeps all of its rings, because between two rings that bend apart nothing would follow the
 /// branch.
-pub fn levels(mesh: &LeafMesh, bends: bool) -> Levels {
-    let mut out = Levels::default();
+pub fn levels(mesh: &LeafMesh, bends: bool) -> WoodLevels {
+    let mut out = WoodLevels::default();
     let Some(tubes) = tubes(mesh) else { return out };
     let rings: Vec<Vec<Ring>> = tubes.iter().map(|t| (0..t.rings).map(|k| ring(mesh, t, k)).collect()).collect();
     let mut before = mesh.triangles();
     for distance in LEVELS {
-        let mut level = Detail { indices: Vec::new(), error_mm: 0.0, outline_only: false };
+        let mut level = MeshDetailLevel { indices: Vec::new(), error_mm: 0.0, outline_only: false };
         let had = out.on_ring.len();
         for (tube, rings) in tubes.iter().zip(&rings) {
             add(mesh, tube, rings, distance, bends, &mut out, &mut level);
@@ -126,8 +126,8 @@ fn add(
     rings: &[Ring],
     distance: f64,
     bends: bool,
-    Levels { more, on_ring, .. }: &mut Levels,
-    level: &mut Detail,
+    WoodLevels { more, on_ring, .. }: &mut WoodLevels,
+    level: &mut MeshDetailLevel,
 ) {
     let radius = rings.iter().map(|r| r.radius).fold(0.0, f64::max);
     let allowed = if bends { distance } else { 0.5 * distance };
@@ -224,7 +224,7 @@ mod tests {
     #[test]
     fn levels_have_fewer_triangles_and_stay_within_what_they_say() {
         let mesh = wood();
-        let Levels { levels, more, .. } = levels(&mesh, false);
+        let WoodLevels { levels, more, .. } = levels(&mesh, false);
         assert!(levels.len() >= 2, "{}", levels.len());
         let mut all = mesh.clone();
         all.append(&more, DMat4::IDENTITY);
@@ -256,7 +256,7 @@ mod tests {
     #[test]
     fn a_tube_with_fewer_corners_is_as_wide_on_average() {
         let thin = tube(&[DVec3::ZERO, DVec3::Z * 200.0], [2.0, 2.0], 9, 5);
-        let Levels { levels, more, .. } = levels(&thin, false);
+        let WoodLevels { levels, more, .. } = levels(&thin, false);
         let last = levels.last().expect("a level");
         // Three corners, and no rings between both ends of a straight tube.
         assert_eq!(last.indices.len(), 3 * 2 * 3);

@@ -1,8 +1,8 @@
 //! The slab curve of a leaf's side, with the figures of its accuracy for the plan.
 
 use crate::placed::ledger::Ledger;
-use crate::plan::accuracy::Row;
-pub use mesophyll_optics::slab::curve::Curve;
+use crate::plan::accuracy::AccuracyRow;
+pub use mesophyll_optics::slab::curve::ResponseCurve;
 use std::time::Instant;
 
 /// [`Curve::sampled`], noted in the ledger as `what`, and the error of linear interpolation for several numbers of
@@ -14,12 +14,12 @@ pub fn curve(
     allowed: f64,
     what: &str,
     ledger: &Ledger,
-) -> (Curve, Vec<Row>) {
+) -> (ResponseCurve, Vec<AccuracyRow>) {
     ledger.note("curve", what, 0, || {
         let (start, mut rows) = (Instant::now(), Vec::new());
-        let made = Curve::sampled(sigma_a, sigma_s, range, allowed, |points, error| {
+        let made = ResponseCurve::sampled(sigma_a, sigma_s, range, allowed, |points, error| {
             let ms = start.elapsed().as_secs_f64() * 1e3;
-            rows.push(Row { setting: points, error, ms, bytes: points as u64 * 32 });
+            rows.push(AccuracyRow { setting: points, error, ms, bytes: points as u64 * 32 });
         });
         (made, rows)
     })

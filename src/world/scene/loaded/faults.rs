@@ -1,13 +1,13 @@
 //! Whether the fits that a scene uses are what was fitted, and agree with themselves.
 
-use super::Scene;
+use super::LoadedScene;
 use crate::Result;
 use crate::placed::ledger::Ledger;
-use mesophyll_fits::consistency::{self, Faults};
+use mesophyll_fits::consistency::{self, ConsistencyFaults};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-impl Scene {
+impl LoadedScene {
     /// Folders of the fits that the scene uses: of leaves, their translucency maps, branches and lawns. A fit of light
     /// between leaves is looked after when it is opened.
     fn fits(&self) -> BTreeSet<PathBuf> {
@@ -23,8 +23,8 @@ impl Scene {
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a record or a map that cannot be read.
-    pub fn faults(&self, ledger: &Ledger) -> Result<Faults> {
-        let mut out = Faults::default();
+    pub fn faults(&self, ledger: &Ledger) -> Result<ConsistencyFaults> {
+        let mut out = ConsistencyFaults::default();
         for folder in self.fits() {
             let name = folder.display().to_string();
             let found = ledger.note("look for faults", name, 0, || consistency::of(&folder))?;

@@ -1,12 +1,12 @@
 //! The largest contribution of one side's gloss to a displayed value, over all angles of the scene's views, placements
 //! and suns ([`super::gloss_bound`]).
 
-use super::gloss_bound::{self, Lights, Maps};
-use super::{Leaf, Stand};
+use super::gloss_bound::{self, GlossMaps, LightBounds};
+use super::{LoadedLeaf, Stand};
 use crate::Result;
-use crate::manifest::{Manifest, ViewKind};
+use crate::manifest::{SceneManifest, ViewKind};
 use crate::placed::daylight::{self, Daylight};
-use crate::placed::fits::reads;
+use crate::placed::fits::reader;
 use glam::{DMat4, DVec3};
 use mesophyll_fits::leaf_folder::LeafFit;
 use mesophyll_optics::side::Side;
@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// The largest contribution of gloss to a displayed value; infinite where camera, sun or sliders are free.
-pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafFit) -> Result<f64> {
+pub fn most(at: Stand, leaf: LoadedLeaf, s: usize, texels: &[[f32; 4]], fitted: &LeafFit) -> Result<f64> {
     let Stand { manifest, placed, ledger } = at;
     let Some(mesh) = &leaf.placed.mesh else { return Ok(f64::INFINITY) };
     if placed.free || manifest.sun.as_ref().is_some_and(|sun| sun.moves) {
@@ -48,7 +48,7 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafF
         });
     let lobe = leaf.config.lobe();
     let most = |normals: Option<&[[f32; 3]]>| {
-        let maps = Maps { size: leaf.plan.size, back: s == 1, gloss: texels, normals, rho_d: rho_d.as_deref() };
+        let maps = GlossMaps { size: leaf.plan.size, back: s == 1, gloss: texels, normals, rho_d: rho_d.as_deref() };
         gloss_bound::most(lobe, mesh, s == 1, &maps.patches(mesh), &places, &lights, manifest.tolerated())
     };
     // Mapped normals only increase the bound. So they are not read where the bound with the mesh's own normals already
@@ -57,13 +57,13 @@ pub fn most(at: Stand, leaf: Leaf, s: usize, texels: &[[f32; 4]], fitted: &LeafF
     if by_mesh > manifest.tolerated() || lights.suns.is_empty() {
         return Ok(by_mesh);
     }
-    let normals = reads::normals(fitted, Side::ALL[s], ledger)?;
+    let normals = reader::normals(fitted, Side::ALL[s], ledger)?;
     Ok(most(Some(&normals)))
 }
 
 /// All lights of the scene's views and hours.
-fn lights(manifest: &Manifest) -> Result<Lights> {
-    let mut out = Lights { exposure: manifest.exposure, ..Lights::default() };
+fn lights(manifest: &SceneManifest) -> Result<LightBounds> {
+    let mut out = LightBounds { exposure: manifest.exposure, ..LightBounds::default() };
     let (irradiance, _) = daylight::levels(manifest);
     if let (Some(direction), Some(sun)) = (daylight::sun_direction(manifest), &manifest.sun) {
         out.radius = sun.radius_deg.to_radians();

@@ -9,14 +9,14 @@
 
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
-use mesophyll_transport::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, Reflect};
+use mesophyll_transport::lobe::{COS_VIEW_FLOOR, Lobe, M_FLOOR, ReflectionLobe};
 use mesophyll_transport::tone::display;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A normal, a direction to the eye and a direction to the sun, with the largest angle by which each may deviate.
 #[derive(Debug, Clone, Copy)]
-pub struct Cone {
+pub struct GlossCone {
     /// Mean normal, a unit vector.
     pub normal: DVec3,
     /// Mean direction to the eye, a unit vector.
@@ -36,7 +36,7 @@ pub struct Cone {
 /// v·h is the cosine of half the angle between eye and sun for any normal. So f_s/ρs · N·l = D·F·G/(4 N·v) is at most
 /// D·F times the smallest of 1/(4 N·v), N·h/(2 v·h) and (N·h)(N·l)/(2 (v·h)(N·v)), which are the three branches of the
 /// V-cavity factor G.
-pub fn largest(lobe: Lobe, cone: &Cone, m: [f64; 2]) -> f64 {
+pub fn largest(lobe: Lobe, cone: &GlossCone, m: [f64; 2]) -> f64 {
     let apart = cone.view.angle_between(cone.sun);
     let slack = cone.view_by + cone.sun_by;
     let (nearest, farthest) =
@@ -74,7 +74,7 @@ fn largest_density(lobe: Lobe, tan2: f64, m: [f64; 2]) -> f64 {
 
 /// The largest and the least light that falls on a scene.
 #[derive(Debug, Clone, Default)]
-pub struct Lights {
+pub struct LightBounds {
     /// Direction and irradiance of every sun of the scene: one, or one for each hour.
     pub suns: Vec<(DVec3, [f64; 3])>,
     /// Angular radius of the sun's disk.
@@ -89,7 +89,7 @@ pub struct Lights {
 
 /// The extremes of one side's maps over one triangle.
 #[derive(Debug, Clone, Copy)]
-pub struct Patch {
+pub struct GlossPatch {
     /// The largest ρs of each channel.
     pub rho_s: [f64; 3],
     /// The smallest and the largest m.
@@ -101,7 +101,7 @@ pub struct Patch {
 }
 
 /// One side's maps, with a value for each texel in that side's own columns.
-pub struct Maps<'a> {
+pub struct GlossMaps<'a> {
     /// Columns and rows of texels.
     pub size: [usize; 2],
     /// Whether it is the back, whose columns run in the opposite direction.
@@ -114,9 +114,9 @@ pub struct Maps<'a> {
     pub rho_d: Option<&'a [[f32; 3]]>,
 }
 
-impl Maps<'_> {
+impl GlossMaps<'_> {
     /// One patch for each triangle of `mesh`, over every texel that a bilinear look-up within the triangle can reach.
-    pub fn patches(&self, mesh: &LeafMesh) -> Vec<Patch> {
+    pub fn patches(&self, mesh: &LeafMesh) -> Vec<GlossPatch> {
         let [w, h] = self.size;
         (0..mesh.triangles())
             .into_par_iter()
@@ -127,7 +127,8 @@ impl Maps<'_> {
                     let texel = |x: f64| x.clamp(0.0, (n - 1) as f64) as usize;
                     texel((low * n as f64 - 0.5).floor())..texel((high * n as f64 - 0.5).floor() + 1.0) + 1
                 };
-                let mut out = Patch { rho_s: [0.0; 3], m: [f64::INFINITY, 0.0], tilt: 0.0, rho_d: [f64::INFINITY; 3] };
+                let mut out =
+                    GlossPatch { rho_s: [0.0; 3], m: [f64::INFINITY, 0.0], tilt: 0.0, rho_d: [f64::INFINITY; 3] };
                 for row in range(low.y, high.y, h) {
                     for column in range(low.x, high.x, w) {
                         self.add(row * w + if self.back { w - 1 - column } else { column }, &mut out);
@@ -138,7 +139,7 @@ impl Maps<'_> {
             .collect()
     }
 
-    fn add(&self, k: usize, out: &mut Patch) {
+    fn add(&self, k: usize, out: &mut GlossPatch) {
         let [r, g, b, m] = self.gloss[k].map(f64::from);
         for (c, v) in [r, g, b].into_iter().enumerate() {
             out.rho_s[c] = out.rho_s[c].max(v);
@@ -160,9 +161,9 @@ pub fn most<Eyes: AsRef<[DVec3]> + Sync>(
     lobe: Lobe,
     mesh: &LeafMesh,
     back: bool,
-    patches: &[Patch],
+    patches: &[GlossPatch],
     places: &[(DMat4, Eyes)],
-    lights: &Lights,
+    lights: &LightBounds,
     enough: f64,
 ) -> f64 {
     let one = |most: f64, (transform, eyes): &(DMat4, Eyes)| -> f64 {
@@ -192,7 +193,7 @@ pub fn most<Eyes: AsRef<[DVec3]> + Sync>(
                     if normal.angle_between(*sun) - normal_by - lights.radius >= FRAC_PI_2 {
                         continue;
                     }
-                    let cone = Cone {
+                    let cone = GlossCone {
                         normal,
                         view,
                         sun: *sun,
@@ -241,10 +242,10 @@ const PARTS: u32 = 8;
 /// The largest slope of the sRGB curve.
 const STEEPEST: f64 = 12.92;
 
-impl Lights {
+impl LightBounds {
     /// The larger of `most` and the contribution of gloss to a displayed value here. The displayed value is a concave
     /// function of radiance, so the bound assumes the least light that the leaf surely scatters beneath the gloss.
-    fn shown(&self, patch: &Patch, lit: Option<Lit>, most: f64) -> f64 {
+    fn shown(&self, patch: &GlossPatch, lit: Option<Lit>, most: f64) -> f64 {
         let mut most = most;
         for c in 0..3 {
             // The directional albedo of a lobe is at most 1.
@@ -298,7 +299,7 @@ mod tests {
         ) {
             let view = away(DVec3::Z, zenith_v, 0.0);
             let sun = away(DVec3::Z, zenith_l, turn);
-            let cone = Cone { normal: DVec3::Z, view, sun, normal_by: by[0], view_by: by[1], sun_by: by[2] };
+            let cone = GlossCone { normal: DVec3::Z, view, sun, normal_by: by[0], view_by: by[1], sun_by: by[2] };
             let m = [m_low, m_low + m_more];
             let bound = largest(lobe, &cone, m);
             for (share, turns, at) in strays {
@@ -314,7 +315,7 @@ mod tests {
         fn the_bound_of_a_single_direction_is_the_lobe(zenith_v in 0.0f64..1.5, zenith_l in 0.0f64..1.5,
             turn in 0.0f64..6.3, m in 0.05f64..0.7) {
             let (view, sun) = (away(DVec3::Z, zenith_v, 0.0), away(DVec3::Z, zenith_l, turn));
-            let cone = Cone { normal: DVec3::Z, view, sun, normal_by: 0.0, view_by: 0.0, sun_by: 0.0 };
+            let cone = GlossCone { normal: DVec3::Z, view, sun, normal_by: 0.0, view_by: 0.0, sun_by: 0.0 };
             let exact = Lobe::Beckmann.times_cosine(DVec3::Z, view, sun, m);
             prop_assert!((largest(Lobe::Beckmann, &cone, [m, m]) / exact - 1.0).abs() < 1e-6 || exact < 1e-12);
         }
@@ -338,10 +339,10 @@ mod tests {
                 .map(|_| [lean * (rng.random::<f32>() - 0.5), lean * (rng.random::<f32>() - 0.5), 1.0])
                 .collect();
             let rho_d = vec![[0.05f32; 3]; 48];
-            let maps = Maps { size, back: false, gloss: &gloss, normals: Some(&normals), rho_d: Some(&rho_d) };
+            let maps = GlossMaps { size, back: false, gloss: &gloss, normals: Some(&normals), rho_d: Some(&rho_d) };
             let eye = away(DVec3::Z, 1.5 * rng.random::<f64>(), 6.0 * rng.random::<f64>()) * 120.0;
             let sun = away(DVec3::Z, 1.5 * rng.random::<f64>(), 6.0 * rng.random::<f64>());
-            let lights = Lights { suns: vec![(sun, [3.0; 3])], exposure: 2.0, ..Lights::default() };
+            let lights = LightBounds { suns: vec![(sun, [3.0; 3])], exposure: 2.0, ..LightBounds::default() };
             let bound = most(
                 Lobe::Beckmann,
                 &mesh,

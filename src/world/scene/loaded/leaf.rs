@@ -1,34 +1,34 @@
 //! The data of one leaf: W's textures, slab curves and translucency coefficients, as far as the plan needs them.
 
-use super::curve::{Curve, curve};
+use super::curve::{ResponseCurve, curve};
 use super::map_levels::map_levels;
 use super::translucency;
-use super::{Loaded, Stand, Textures, gloss};
+use super::{LeafData, LoadedTextures, Stand, gloss};
 use crate::Result;
-use crate::manifest::{Interior, ViewKind};
-use crate::placed::fits::reads;
+use crate::manifest::{InteriorSource, ViewKind};
+use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::placed::{self as placed, daylight};
-use crate::plan::accuracy::Row;
+use crate::plan::accuracy::AccuracyRow;
 use crate::plan::leaf::TEXEL_BYTES;
-use crate::plan::{LeafPlan, Plan};
+use crate::plan::{LeafPlan, ScenePlan};
 use glam::DVec3;
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
-use mesophyll_fits::leaf_folder::{File, LeafFit, fill, pack};
+use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling, packing};
 use mesophyll_optics::side::Side;
 use mesophyll_transport::tone::display;
 use std::path::Path;
 
 /// Reads the needed textures of a leaf whose fit exists, and gives the measured figures to the plan.
-pub(super) fn load(at: Stand, leaf: &placed::leaf::Leaf, plan: &mut Plan) -> Result<Loaded> {
-    let mut out = Loaded::default();
+pub(super) fn load(at: Stand, leaf: &placed::leaf::PlacedLeaf, plan: &mut ScenePlan) -> Result<LeafData> {
+    let mut out = LeafData::default();
     let Some(fitted) = &leaf.fitted else { return Ok(out) };
     let (manifest, config, index) = (at.manifest, &at.manifest.leaves[leaf.index], leaf.index);
     plan.shape(manifest, leaf, fitted)?;
     for (s, side) in Side::ALL.into_iter().enumerate() {
         let needs = plan.leaves[index].sides[s];
-        if leaf.interior(config) == Interior::Scalars && needs.interior() {
+        if leaf.interior(config) == InteriorSource::Scalars && needs.interior() {
             let size = read_gamma_delta(fitted, s, plan.leaves[index].size, &mut out, at.ledger)?;
             plan.leaves[index].size = size;
         }
@@ -63,19 +63,19 @@ fn read_gamma_delta(
     fitted: &LeafFit,
     s: usize,
     known: [usize; 2],
-    out: &mut Loaded,
+    out: &mut LeafData,
     ledger: &Ledger,
 ) -> Result<[usize; 2]> {
     let side = Side::ALL[s];
-    let maps = reads::maps(fitted, side, ledger)?;
-    let (path, thickness) = (fitted.path(File::Maps, side), fitted.thickness(side)?);
+    let maps = reader::maps(fitted, side, ledger)?;
+    let (path, thickness) = (fitted.path(LeafFitFile::Maps, side), fitted.thickness(side)?);
     let h = thickness as f32;
     // γ and thickness of a texel on the leaf are positive.
     let known_texel = |t: &[f32; 4]| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0;
-    let texels = pack::gamma_delta(&path, maps, thickness)?;
+    let texels = packing::gamma_delta(&path, maps, thickness)?;
     let (texels, good) = without_holes(&path, maps, texels, known_texel)?;
-    out.textures[s] = Textures { gamma_delta: Some(texels), gloss: None, good };
-    reads::same_size(fitted, side, known, [maps.width, maps.height])
+    out.textures[s] = LoadedTextures { gamma_delta: Some(texels), gloss: None, good };
+    reader::same_size(fitted, side, known, [maps.width, maps.height])
 }
 
 /// The slab curve over the range of thicknesses of a side's texels.
@@ -86,7 +86,7 @@ fn of_side(
     allowed: f64,
     what: &str,
     ledger: &Ledger,
-) -> Result<(Curve, Vec<Row>)> {
+) -> Result<(ResponseCurve, Vec<AccuracyRow>)> {
     let h = fitted.thickness(side)?;
     let (low, high) =
         texels.iter().fold((f64::INFINITY, 0f64), |(a, b), t| (a.min(h + f64::from(t[3])), b.max(h + f64::from(t[3]))));
@@ -103,18 +103,18 @@ fn of_side(
 /// Reads a side's gloss, and keeps it where it is visible.
 fn read_gloss(
     at: Stand,
-    leaf: &placed::leaf::Leaf,
+    leaf: &placed::leaf::PlacedLeaf,
     fitted: &LeafFit,
     s: usize,
-    out: &mut Loaded,
-    plan: &mut Plan,
+    out: &mut LeafData,
+    plan: &mut ScenePlan,
 ) -> Result<()> {
     let (manifest, index) = (at.manifest, leaf.index);
     let side = Side::ALL[s];
-    let maps = reads::maps(fitted, side, at.ledger)?;
-    let path = fitted.path(File::Maps, side);
-    let (texels, _) = without_holes(&path, maps, pack::gloss(&path, maps)?, |t| t[3] > 0.0)?;
-    plan.leaves[index].size = reads::same_size(fitted, side, plan.leaves[index].size, [maps.width, maps.height])?;
+    let maps = reader::maps(fitted, side, at.ledger)?;
+    let path = fitted.path(LeafFitFile::Maps, side);
+    let (texels, _) = without_holes(&path, maps, packing::gloss(&path, maps)?, |t| t[3] > 0.0)?;
+    plan.leaves[index].size = reader::same_size(fitted, side, plan.leaves[index].size, [maps.width, maps.height])?;
     let matte = texels.iter().all(|t| t[..3].iter().all(|v| *v <= 0.0));
     let most = if matte { None } else { Some(gloss::most(at, at.leaf(leaf, out, plan), s, &texels, fitted)?) };
     if plan.gloss(manifest, leaf, fitted, s, most) {
@@ -127,19 +127,19 @@ fn read_gloss(
 /// knew.
 fn without_holes(
     path: &Path,
-    maps: &Maps,
-    texels: pack::Rgba,
+    maps: &ChannelMaps,
+    texels: packing::Rgba,
     good: impl Fn(&[f32; 4]) -> bool,
-) -> Result<(pack::Rgba, Vec<bool>)> {
+) -> Result<(packing::Rgba, Vec<bool>)> {
     let known: Vec<bool> = texels.iter().map(|t| t.iter().all(|v| v.is_finite()) && good(t)).collect();
     let mut planes = [texels];
-    fill::require(path, &mut planes, &known, maps.width, maps.height)?;
+    filling::require(path, &mut planes, &known, maps.width, maps.height)?;
     let [texels] = planes;
     Ok((texels, known))
 }
 
 /// Chooses the maps' resolution from the footprint of the nearest pixel.
-fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut Plan) {
+fn resolution(at: Stand, leaf: &placed::leaf::PlacedLeaf, loaded: &LeafData, plan: &mut ScenePlan) {
     let Stand { manifest, placed, .. } = at;
     let (index, config) = (leaf.index, &manifest.leaves[leaf.index]);
     let (Some(mesh), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else { return };
@@ -197,6 +197,6 @@ fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut 
         }
     }
     translucency::resolution(at, leaf, loaded, plan, footprint);
-    let read = |t: &Textures| u64::from(t.gamma_delta.is_some()) + u64::from(t.gloss.is_some());
+    let read = |t: &LoadedTextures| u64::from(t.gamma_delta.is_some()) + u64::from(t.gloss.is_some());
     plan.resolution(&config.name, index, footprint, loaded.textures.iter().map(read).sum());
 }

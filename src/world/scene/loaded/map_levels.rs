@@ -1,6 +1,6 @@
 //! The error of uploading a map with a coarser resolution.
 
-use crate::plan::accuracy::Row;
+use crate::plan::accuracy::AccuracyRow;
 use std::time::Instant;
 
 /// Displayed error of a map that is uploaded as averages over blocks of 1, 2, 4 … texels. The map is sampled once for
@@ -14,7 +14,7 @@ pub fn map_levels(
     good: impl Fn(usize) -> bool,
     footprint: f64,
     texel_bytes: u64,
-) -> Vec<Row> {
+) -> Vec<AccuracyRow> {
     let mut levels = vec![Level { width, height, value: value.to_vec() }];
     while let Some(last) = levels.last()
         && last.width >= 8
@@ -49,7 +49,7 @@ pub fn map_levels(
         }
         // Mips need a third more.
         let bytes = (levels[base].width * levels[base].height) as u64 * texel_bytes * 4 / 3;
-        rows.push(Row {
+        rows.push(AccuracyRow {
             setting: 1 << base,
             error: percentile(&mut errors, 0.99),
             ms: start.elapsed().as_secs_f64() * 1e3,

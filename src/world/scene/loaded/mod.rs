@@ -3,7 +3,7 @@
 //! [`Scene`] is everything that is known about a scene: the content of its file, the things and their places, the plan,
 //! and the data. Renderers, checks and the window take it as a whole.
 
-pub mod convolved;
+pub mod convolution;
 pub mod curve;
 mod faults;
 mod gloss;
@@ -13,47 +13,47 @@ pub mod map_levels;
 pub mod translucency;
 
 use crate::Result;
-use crate::manifest::Manifest;
-use crate::placed::leaf::Search;
+use crate::manifest::SceneManifest;
+use crate::placed::leaf::LeafSearch;
 use crate::placed::ledger::Ledger;
-use crate::placed::{self as placed, Placed};
-use crate::plan::{LeafPlan, Plan};
-use convolved::Inside;
-use curve::Curve;
+use crate::placed::{self as placed, PlacedScene};
+use crate::plan::{LeafPlan, ScenePlan};
+use convolution::LeafInterior;
+use curve::ResponseCurve;
 use std::sync::OnceLock;
-use translucency::Coefficients;
+use translucency::TranslucencyCoefficients;
 
 /// A planned scene, with everything that its plan needs.
 #[derive(Debug)]
-pub struct Scene {
+pub struct LoadedScene {
     /// The content of the scene's file.
-    pub manifest: Manifest,
+    pub manifest: SceneManifest,
     /// The things in the scene, their places and their light.
-    pub placed: Placed,
+    pub placed: PlacedScene,
     /// The decisions on what is needed.
-    pub plan: Plan,
+    pub plan: ScenePlan,
     /// The data of each leaf, in the manifest's order.
-    pub loaded: Vec<Loaded>,
+    pub loaded: Vec<LeafData>,
     /// Light between leaves, where the scene requests it and [`Scene::find_transfer`] has found it.
-    pub transfer: Option<mesophyll_fits::transfer::Transfer>,
+    pub transfer: Option<mesophyll_fits::transfer::TransferFit>,
 }
 
 /// One leaf of a scene: its entry in the file, its fit and mesh, the decisions about it, and its data.
 #[derive(Clone, Copy)]
-pub struct Leaf<'a> {
+pub struct LoadedLeaf<'a> {
     /// Its entry in the scene's file.
-    pub config: &'a crate::manifest::Leaf,
+    pub config: &'a crate::manifest::StatedLeaf,
     /// Its fit and its mesh.
-    pub placed: &'a placed::leaf::Leaf,
+    pub placed: &'a placed::leaf::PlacedLeaf,
     /// The decisions on what is needed of it.
     pub plan: &'a LeafPlan,
     /// The data that were read of it.
-    pub loaded: &'a Loaded,
+    pub loaded: &'a LeafData,
 }
 
 /// W's textures of one side, filled beyond the outline. Only those that the plan needs are read.
 #[derive(Debug, Default)]
-pub struct Textures {
+pub struct LoadedTextures {
     /// γ (RGB) and δ (mm).
     pub gamma_delta: Option<Vec<[f32; 4]>>,
     /// ρs (RGB) and m.
@@ -64,63 +64,63 @@ pub struct Textures {
 
 /// The data that were read of one leaf, for front and back.
 #[derive(Debug, Default)]
-pub struct Loaded {
+pub struct LeafData {
     /// The textures of each side for the renderer.
-    pub textures: [Textures; 2],
+    pub textures: [LoadedTextures; 2],
     /// The slab over its thickness, for each side; `None` where the plan needs none.
-    pub curves: [Option<Curve>; 2],
+    pub curves: [Option<ResponseCurve>; 2],
     /// Coefficients for light that enters each side, without holes. Only sides that are lit from behind where a camera
     /// looks have them. The plan decides which of them the renderer gets; the reference draws them all.
-    pub coefficients: [Option<Coefficients>; 2],
+    pub coefficients: [Option<TranslucencyCoefficients>; 2],
     /// The interior for the reference renderer, which is made when it is needed for the first time.
-    inside: OnceLock<Option<Inside>>,
+    inside: OnceLock<Option<LeafInterior>>,
 }
 
 /// The data from which leaves are read.
 #[derive(Clone, Copy)]
 struct Stand<'a> {
-    manifest: &'a Manifest,
-    placed: &'a Placed,
+    manifest: &'a SceneManifest,
+    placed: &'a PlacedScene,
     ledger: &'a Ledger,
 }
 
 impl<'a> Stand<'a> {
     /// A leaf, as far as it has been read and planned.
-    fn leaf(&self, placed: &'a placed::leaf::Leaf, loaded: &'a Loaded, plan: &'a Plan) -> Leaf<'a> {
-        Leaf { config: &self.manifest.leaves[placed.index], placed, plan: &plan.leaves[placed.index], loaded }
+    fn leaf(&self, placed: &'a placed::leaf::PlacedLeaf, loaded: &'a LeafData, plan: &'a ScenePlan) -> LoadedLeaf<'a> {
+        LoadedLeaf { config: &self.manifest.leaves[placed.index], placed, plan: &plan.leaves[placed.index], loaded }
     }
 }
 
-impl Scene {
+impl LoadedScene {
     /// Plans a scene in its present state, and reads the data that the plan needs.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a damaged map, a side that a fit does not have, or a physical sky that the model
     /// refuses.
-    pub fn new(manifest: Manifest, placed: Placed, ledger: &Ledger) -> Result<Scene> {
-        let mut plan = Plan::new(&manifest, &placed);
+    pub fn new(manifest: SceneManifest, placed: PlacedScene, ledger: &Ledger) -> Result<LoadedScene> {
+        let mut plan = ScenePlan::new(&manifest, &placed);
         let stand = Stand { manifest: &manifest, placed: &placed, ledger };
         let loaded =
-            placed.leaves.iter().map(|leaf| leaf::load(stand, leaf, &mut plan)).collect::<Result<Vec<Loaded>>>()?;
+            placed.leaves.iter().map(|leaf| leaf::load(stand, leaf, &mut plan)).collect::<Result<Vec<LeafData>>>()?;
         if placed.free {
             plan.leaves.iter_mut().for_each(|l| l.block = 1);
         }
         plan.finish(&manifest, &placed, ledger)?;
-        Ok(Scene { manifest, placed, plan, loaded, transfer: None })
+        Ok(LoadedScene { manifest, placed, plan, loaded, transfer: None })
     }
 
     /// Searches for the data of a scene, plans it, and reads the data that the plan needs.
     ///
     /// # Errors
     /// As [`Placed::new`] and [`Scene::new`].
-    pub fn open(manifest: Manifest, search: Search, ledger: &Ledger) -> Result<Scene> {
-        let placed = Placed::new(&manifest, search, ledger)?;
-        Scene::new(manifest, placed, ledger)
+    pub fn open(manifest: SceneManifest, search: LeafSearch, ledger: &Ledger) -> Result<LoadedScene> {
+        let placed = PlacedScene::new(&manifest, search, ledger)?;
+        LoadedScene::new(manifest, placed, ledger)
     }
 
     /// The leaf with this index. Panics where the manifest has none.
-    pub fn leaf(&self, index: usize) -> Leaf<'_> {
-        Leaf {
+    pub fn leaf(&self, index: usize) -> LoadedLeaf<'_> {
+        LoadedLeaf {
             config: &self.manifest.leaves[index],
             placed: &self.placed.leaves[index],
             plan: &self.plan.leaves[index],
@@ -129,12 +129,12 @@ impl Scene {
     }
 
     /// All leaves, in the manifest's order.
-    pub fn leaves(&self) -> impl Iterator<Item = Leaf<'_>> {
+    pub fn leaves(&self) -> impl Iterator<Item = LoadedLeaf<'_>> {
         (0..self.loaded.len()).map(|k| self.leaf(k))
     }
 
     /// Leaves that perspective views show, which are those with a mesh, in the renderers' order.
-    pub fn drawn(&self) -> impl Iterator<Item = Leaf<'_>> {
+    pub fn drawn(&self) -> impl Iterator<Item = LoadedLeaf<'_>> {
         self.leaves().filter(|l| l.placed.mesh.is_some())
     }
 }

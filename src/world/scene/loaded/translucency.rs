@@ -6,22 +6,22 @@
 //! ρt·f for each colour. Directions are in the lit side's tangent frame.
 
 use super::map_levels::map_levels;
-use super::{Leaf, Loaded, Stand};
-use crate::manifest::{Basis, ViewKind};
+use super::{LeafData, LoadedLeaf, Stand};
+use crate::manifest::{TranslucencyBasis, ViewKind};
 use crate::placed;
 use crate::placed::daylight::{levels, sun_direction};
-use crate::placed::fits::reads;
+use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
-use crate::plan::Plan;
-use crate::plan::leaf::{TRANSLUCENCY_TEXEL_BYTES, WithoutMaps};
+use crate::plan::ScenePlan;
+use crate::plan::leaf::{MapLoss, TRANSLUCENCY_TEXEL_BYTES};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fits::leaf_folder::frames;
-use mesophyll_fits::leaf_folder::{File, LeafFit, fill};
+use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::translucency::basis;
-use mesophyll_optics::translucency::basis::Basis as Functions;
+use mesophyll_optics::translucency::basis::HemisphereBasis as Functions;
 use mesophyll_transport::tone::display;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -31,23 +31,23 @@ const PLACEMENTS: usize = 48;
 
 /// Three coefficients for each texel, and their functions.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Coefficients {
+pub struct TranslucencyCoefficients {
     /// The basis of functions.
-    pub basis: Basis,
+    pub basis: TranslucencyBasis,
     /// The coefficients for these functions.
-    pub of: Of,
+    pub of: TranslucencyQuantity,
 }
 
 /// The quantity that the coefficients describe. A list has an entry for each texel.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Of {
+pub enum TranslucencyQuantity {
     /// The factor f.
     Factor(Vec<[f32; 3]>),
     /// M for each channel.
     Colour([Vec<[f32; 3]>; 3]),
 }
 
-impl Coefficients {
+impl TranslucencyCoefficients {
     /// Σ h_i φ_i(ω), which may be negative. Renderers interpolate first, and limit to 0 afterwards.
     pub fn sum(&self, h: [f32; 3], omega: DVec3) -> f64 {
         let at = Functions::from(self.basis).argument(omega.to_array());
@@ -57,11 +57,11 @@ impl Coefficients {
     /// The transmitted light at texel `k` for each channel, where `rho_t` is ρt there.
     fn through(&self, k: usize, omega: DVec3, rho_t: [f64; 3]) -> [f64; 3] {
         match &self.of {
-            Of::Factor(map) => {
+            TranslucencyQuantity::Factor(map) => {
                 let f = self.sum(map[k], omega).max(0.0);
                 rho_t.map(|r| r * f)
             }
-            Of::Colour(maps) => [0, 1, 2].map(|c| self.sum(maps[c][k], omega).max(0.0)),
+            TranslucencyQuantity::Colour(maps) => [0, 1, 2].map(|c| self.sum(maps[c][k], omega).max(0.0)),
         }
     }
 }
@@ -70,7 +70,13 @@ impl Coefficients {
 ///
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
-pub(super) fn side(at: Stand, leaf: &placed::leaf::Leaf, s: usize, out: &mut Loaded, plan: &mut Plan) -> Result<()> {
+pub(super) fn side(
+    at: Stand,
+    leaf: &placed::leaf::PlacedLeaf,
+    s: usize,
+    out: &mut LeafData,
+    plan: &mut ScenePlan,
+) -> Result<()> {
     let Some(maps) = leaf.translucent.as_ref().and_then(|t| t.fitted.as_ref()) else { return Ok(()) };
     let now = at.leaf(leaf, out, plan);
     let read = read(now, s, maps, at.ledger)?;
@@ -81,15 +87,15 @@ pub(super) fn side(at: Stand, leaf: &placed::leaf::Leaf, s: usize, out: &mut Loa
 }
 
 /// Coefficients of one side, filled beyond the outline.
-fn read(leaf: Leaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result<Coefficients> {
+fn read(leaf: LoadedLeaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result<TranslucencyCoefficients> {
     let side = Side::ALL[s];
-    let path = fitted.path(File::Maps, side);
-    let maps = reads::maps(fitted, side, ledger)?;
-    reads::same_size(fitted, side, leaf.plan.size, [maps.width, maps.height])?;
+    let path = fitted.path(LeafFitFile::Maps, side);
+    let maps = reader::maps(fitted, side, ledger)?;
+    reader::same_size(fitted, side, leaf.plan.size, [maps.width, maps.height])?;
     let basis = match fitted.record.options.get("basis") {
-        None => Basis::default(),
+        None => TranslucencyBasis::default(),
         Some(said) => Functions::named(said).and_then(Functions::drawn).ok_or_else(|| {
-            let known = Basis::ALL.map(|b| format!("\"{}\"", Functions::from(b).name())).join(" or ");
+            let known = TranslucencyBasis::ALL.map(|b| format!("\"{}\"", Functions::from(b).name())).join(" or ");
             let what = format!("found \"{said}\", expected {known}, which the renderers evaluate");
             Error::field(&fitted.record_path(), "options.basis", what)
         })?,
@@ -105,16 +111,20 @@ fn read(leaf: Leaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result<Coeff
     let on_leaf = on_leaf(leaf, s);
     let good: Vec<bool> =
         on_leaf.iter().enumerate().map(|(k, on)| *on && planes.iter().all(|p| p[k].is_finite())).collect();
-    fill::require(&path, &mut planes, &good, leaf.plan.size[0], leaf.plan.size[1])?;
+    filling::require(&path, &mut planes, &good, leaf.plan.size[0], leaf.plan.size[1])?;
     let three = |first: usize| {
         (0..good.len()).map(|k| [planes[first][k], planes[first + 1][k], planes[first + 2][k]]).collect()
     };
-    let of = if colour { Of::Colour([three(0), three(3), three(6)]) } else { Of::Factor(three(0)) };
-    Ok(Coefficients { basis, of })
+    let of = if colour {
+        TranslucencyQuantity::Colour([three(0), three(3), three(6)])
+    } else {
+        TranslucencyQuantity::Factor(three(0))
+    };
+    Ok(TranslucencyCoefficients { basis, of })
 }
 
 /// Whether each texel of a side's maps is on the blade.
-fn on_leaf(leaf: Leaf, s: usize) -> Vec<bool> {
+fn on_leaf(leaf: LoadedLeaf, s: usize) -> Vec<bool> {
     let [w, h] = leaf.plan.size;
     if leaf.loaded.textures[s].good.len() == w * h {
         return leaf.loaded.textures[s].good.clone();
@@ -132,13 +142,13 @@ pub fn front_texel(k: usize, s: usize, width: usize) -> usize {
 /// Compares the light by the maps with the light by ρt and the mapped normal, for each texel and channel, and for the
 /// suns that the scene's placements see. First only some suns are compared, and all of them where those would not need
 /// the maps.
-fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutMaps> {
+fn cost(at: Stand, leaf: LoadedLeaf, s: usize, maps: &TranslucencyCoefficients) -> Result<MapLoss> {
     let Stand { manifest, ledger, .. } = at;
-    let layers = if matches!(maps.of, Of::Colour(_)) { 3 } else { 1 };
-    let none = WithoutMaps { p99: 0.0, largest: 0.0, layers, basis: Functions::from(maps.basis).name() };
+    let layers = if matches!(maps.of, TranslucencyQuantity::Colour(_)) { 3 } else { 1 };
+    let none = MapLoss { p99: 0.0, largest: 0.0, layers, basis: Functions::from(maps.basis).name() };
     let (Some(mesh), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else { return Ok(none) };
     let [w, h] = leaf.plan.size;
-    let normals = reads::normals(fitted, Side::ALL[s], ledger)?;
+    let normals = reader::normals(fitted, Side::ALL[s], ledger)?;
     let rho_t = transmittance(leaf, s, Side::ALL[s], fitted, ledger)?;
     let frames = frames::frames(&leaf.placed.mesh_path, mesh, w, h)?;
     let on_leaf = on_leaf(leaf, s);
@@ -171,12 +181,12 @@ fn cost(at: Stand, leaf: Leaf, s: usize, maps: &Coefficients) -> Result<WithoutM
         };
         largest = suns.par_iter().map(of).reduce(|| 0.0, f64::max);
     }
-    Ok(WithoutMaps { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest, ..none })
+    Ok(MapLoss { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest, ..none })
 }
 
 /// The suns in the leaf's own frame, with the irradiance of each on a surface that faces it. There is one for each
 /// placement and time, or a set over both sides where the sun moves.
-fn suns(at: Stand, leaf: Leaf) -> Vec<(DVec3, [f64; 3])> {
+fn suns(at: Stand, leaf: LoadedLeaf) -> Vec<(DVec3, [f64; 3])> {
     let Stand { manifest, placed, .. } = at;
     let Some(sun) = sun_direction(manifest) else { return Vec::new() };
     let level = levels(manifest).0.map(|e| e / PI);
@@ -205,19 +215,25 @@ fn suns(at: Stand, leaf: Leaf) -> Vec<(DVec3, [f64; 3])> {
 }
 
 /// ρt of every texel.
-fn transmittance(leaf: Leaf, s: usize, side: Side, fitted: &LeafFit, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+fn transmittance(leaf: LoadedLeaf, s: usize, side: Side, fitted: &LeafFit, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
     if let (Some(texels), Some(curve)) = (&leaf.loaded.textures[s].gamma_delta, &leaf.loaded.curves[s]) {
         let h = fitted.thickness(side)?;
         return Ok(texels.iter().map(|t| curve.at(h + f64::from(t[3])).1.map(|v| v as f32)).collect());
     }
-    let maps = reads::maps(fitted, side, ledger)?;
-    let rho_t = maps.require_three(&fitted.path(File::Maps, side), Quantity::RhoT)?;
+    let maps = reader::maps(fitted, side, ledger)?;
+    let rho_t = maps.require_three(&fitted.path(LeafFitFile::Maps, side), Quantity::RhoT)?;
     let at = |k: usize| rho_t.map(|p| p[k]).map(|v| if v.is_finite() { v } else { 0.0 });
     Ok((0..maps.width * maps.height).map(at).collect())
 }
 
 /// Computes from the detail of the translucency maps how coarse the leaf's maps may be.
-pub(super) fn resolution(at: Stand, leaf: &placed::leaf::Leaf, loaded: &Loaded, plan: &mut Plan, footprint: f64) {
+pub(super) fn resolution(
+    at: Stand,
+    leaf: &placed::leaf::PlacedLeaf,
+    loaded: &LeafData,
+    plan: &mut ScenePlan,
+    footprint: f64,
+) {
     let manifest = at.manifest;
     let level = levels(manifest).0[1] / PI;
     for (s, side) in Side::ALL.into_iter().enumerate() {

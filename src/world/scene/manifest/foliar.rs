@@ -1,13 +1,13 @@
 //! Leaves that are stated by the layered model of B1 (`docs/foliar.md`). The path tracer draws them. The real-time
 //! renderer shows a leaf with gloss in place of each ([`mesophyll_transport::foliar::StandIn`]).
 
-use super::leaf::Uniform;
+use super::leaf::UniformLeaf;
 use crate::manifest::{Error, Result};
 use mesophyll_fits::foliar::pigments;
-use mesophyll_optics::foliar::pigments::Contents;
-use mesophyll_optics::foliar::{Leaf as Layers, Oblateness, Path, fsm};
+use mesophyll_optics::foliar::pigments::LeafContents;
+use mesophyll_optics::foliar::{LayeredLeaf as Layers, MesophyllPath, Oblateness, fsm};
 use mesophyll_optics::gloss::LobeKind;
-use mesophyll_transport::foliar::{Foliar, Model, StandIn};
+use mesophyll_transport::foliar::{FoliarMaterial, FoliarModel, MatteLeaf};
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,9 +15,9 @@ use std::sync::Arc;
 /// The layers of a leaf, as the scene file states them.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Stated {
+pub struct StatedLayers {
     /// `fsm` uses a table and lobes; `abm` follows rays through the layers, which is slow.
-    pub model: Model,
+    pub model: FoliarModel,
     /// Absorption of one crossing of the mesophyll for red, green and blue (no unit). Pigments may be given instead.
     pub absorption: Option<[f64; 3]>,
     /// Table of specific absorptions and refractive indices. The pigment contents then determine the absorption.
@@ -37,21 +37,21 @@ pub struct Stated {
     /// How the light's path through the mesophyll is computed: `slant` or `sieve`.
     pub path: String,
     /// How the chlorophyll content falls with time; it is constant when absent.
-    pub fades_to: Option<FadesTo>,
+    pub fades_to: Option<AutumnFade>,
 }
 
 /// Autumn: the chlorophyll content falls exponentially with time, from the leaf's own value at 0 s to the value here.
 /// Then it stays constant.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct FadesTo {
+pub struct AutumnFade {
     /// Content at the end (µg/cm²), above 0.
     pub chlorophyll_ug_cm2: f64,
     /// Time at which the end is reached (s of a film), above 0.
     pub at_s: f64,
 }
 
-impl Stated {
+impl StatedLayers {
     /// The chlorophyll content at a time (s), in µg/cm².
     fn chlorophyll(&self, time_s: f64) -> f64 {
         let first = self.chlorophyll_ug_cm2;
@@ -61,7 +61,7 @@ impl Stated {
 
     /// What is wrong with the stated end, if anything is.
     fn fading_fault(&self) -> Option<String> {
-        let FadesTo { chlorophyll_ug_cm2: last, at_s } = self.fades_to?;
+        let AutumnFade { chlorophyll_ug_cm2: last, at_s } = self.fades_to?;
         let first = self.chlorophyll_ug_cm2;
         if self.pigments.is_none() {
             return Some("fades_to: given without a table of pigments, which says what chlorophyll absorbs".into());
@@ -75,11 +75,11 @@ impl Stated {
     }
 }
 
-impl Default for Stated {
-    fn default() -> Stated {
+impl Default for StatedLayers {
+    fn default() -> StatedLayers {
         let Oblateness { cuticle, epidermis, palisade, spongy } = Oblateness::USUAL;
-        Stated {
-            model: Model::Fsm,
+        StatedLayers {
+            model: FoliarModel::Fsm,
             absorption: None,
             pigments: None,
             wavelengths_nm: fsm::WAVELENGTHS,
@@ -96,7 +96,7 @@ impl Default for Stated {
     }
 }
 
-impl super::Manifest {
+impl super::SceneManifest {
     /// Whether any leaf changes its colour with time.
     pub fn fades(&self) -> bool {
         self.leaves.iter().any(|l| l.foliar.as_ref().is_some_and(|f| f.fades_to.is_some()))
@@ -133,17 +133,17 @@ impl super::Manifest {
             stated.chlorophyll_ug_cm2 = stated.chlorophyll(time_s);
             let layers = self.layers(&stated, &fault)?;
             let model = stated.model;
-            if model == Model::Abm && self.sun.as_ref().is_some_and(|s| s.radius_deg == 0.0) {
+            if model == FoliarModel::Abm && self.sun.as_ref().is_some_and(|s| s.radius_deg == 0.0) {
                 let what = "model: found abm under a sun of radius 0, which random rays never hit; expected fsm, or a \
                             sun with a radius_deg above 0";
                 return Err(fault(what.into()));
             }
-            let foliar = Foliar::new(model, layers).ok_or_else(|| {
+            let foliar = FoliarMaterial::new(model, layers).ok_or_else(|| {
                 fault("the exact method does not settle for such lobes and indices; expected wider lobes".into())
             })?;
-            let StandIn { rho_d, rho_t, rho_s, m, index } = foliar.stand_in();
+            let MatteLeaf { rho_d, rho_t, rho_s, m, index } = foliar.stand_in();
             let leaf = &mut self.leaves[k];
-            leaf.uniform = Some(Uniform { rho_d, rho_t, rho_s: Some(rho_s), m });
+            leaf.uniform = Some(UniformLeaf { rho_d, rho_t, rho_s: Some(rho_s), m });
             (leaf.lobe, leaf.index) = (LobeKind::CookTorrance, Some(index));
             leaf.layers = Some(Arc::new(foliar));
         }
@@ -151,8 +151,8 @@ impl super::Manifest {
     }
 
     /// The layers at the wavelengths that represent red, green and blue.
-    fn layers(&self, stated: &Stated, fault: &dyn Fn(String) -> Error) -> Result<[Layers; 3]> {
-        let path: Path = stated
+    fn layers(&self, stated: &StatedLayers, fault: &dyn Fn(String) -> Error) -> Result<[Layers; 3]> {
+        let path: MesophyllPath = stated
             .path
             .parse()
             .map_err(|_| fault(format!("path: found \"{}\", expected slant or sieve", stated.path)))?;
@@ -188,7 +188,7 @@ impl super::Manifest {
                     let constants = spectrum.at(wavelength).ok_or_else(|| {
                         fault(format!("wavelengths_nm: found {wavelength}, the table of pigments has {low} to {high}"))
                     })?;
-                    let depth = constants.depth(&Contents { per_area: amounts, scale: 1.0 });
+                    let depth = constants.depth(&LeafContents { per_area: amounts, scale: 1.0 });
                     *leaf = of(depth, stated.indices.unwrap_or(constants.indices))?;
                 }
             }

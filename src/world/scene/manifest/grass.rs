@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// A lawn: the rectangle of a meadow, laid side by side on the ground.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Grass {
+pub struct StatedLawn {
     /// Name of the lawn in printed text.
     pub name: String,
     /// A description for `mesophyll grow`, or the file that it makes. It holds the blades, which the path tracer draws.

@@ -1,8 +1,8 @@
 //! The light of a scene: a sun, a sky, and the hours of a day.
 
-use crate::manifest::picture::Pictured;
+use crate::manifest::picture::PictureSky;
 use mesophyll_sky::SkyModel;
-use mesophyll_transport::transfer::Method;
+use mesophyll_transport::transfer::TransferMethod;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// The sun as a disk.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sun {
+pub struct SceneSun {
     /// Angle from straight up. With more than 90 the sun shines from below.
     pub zenith_deg: f64,
     /// Azimuth, from +x towards +y.
@@ -31,7 +31,7 @@ pub struct Sun {
 
 /// Where the sun of a sky that is a picture is to be found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-pub enum SunIn {
+pub enum SunLocation {
     /// The picture shows it.
     #[serde(rename = "in the picture")]
     Picture,
@@ -40,7 +40,7 @@ pub enum SunIn {
 /// A constant sky all around, a physical sky above the horizon, or an environment map.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sky {
+pub struct SceneSky {
     /// Radiance of a constant sky.
     pub radiance: Option<[f64; 3]>,
     /// An environment map: a panorama of everything around, OpenEXR or Radiance.
@@ -48,10 +48,10 @@ pub struct Sky {
     /// By how much the environment map is turned from +x towards +y.
     pub rotation_deg: Option<f64>,
     /// Where the sun is; when absent, it is taken from the environment map if that shows one and there is no [`Sun`].
-    pub sun: Option<SunIn>,
+    pub sun: Option<SunLocation>,
     /// The environment map itself, as read.
     #[serde(skip)]
-    pub picture: Option<Arc<Pictured>>,
+    pub picture: Option<Arc<PictureSky>>,
     /// The model of a physical sky.
     pub model: Option<SkyModel>,
     /// Turbidity of the physical sky, from 2 (clear) to 10 (hazy).
@@ -65,12 +65,12 @@ pub struct Sky {
 /// Light between leaves, which is computed before the first picture (`mesophyll fit transfer`), and its resolution.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Transfer {
+pub struct SceneTransfer {
     /// A folder of `fit transfer`. Where it is absent or belongs to another scene, a run makes its own.
     pub fit: Option<PathBuf>,
     /// How the light is found: by `"paths"` through all scatterings, or by `"ambient-occlusion"`, which follows one ray
     /// each and estimates what surfaces in the way show.
-    pub method: Method,
+    pub method: TransferMethod,
     /// Number of anchors along a leaf and across it.
     pub anchors: [usize; 2],
     /// Number of paths from each anchor.
@@ -81,21 +81,21 @@ pub struct Transfer {
     /// Seed of the random numbers.
     pub seed: u64,
     /// How the sun's own shadows are drawn.
-    pub shadows: Shadows,
+    pub shadows: SceneShadows,
     /// With `shadows = "visibility"`, the longest edge of the meshes. The share of the sun is known at their vertices.
     pub edge_mm: f64,
 }
 
-impl Default for Transfer {
+impl Default for SceneTransfer {
     fn default() -> Self {
-        Transfer {
+        SceneTransfer {
             fit: None,
-            method: Method::default(),
+            method: TransferMethod::default(),
             anchors: [5, 3],
             paths: 2048,
             bands: None,
             seed: 1,
-            shadows: Shadows::default(),
+            shadows: SceneShadows::default(),
             edge_mm: 1.2,
         }
     }
@@ -104,7 +104,7 @@ impl Default for Transfer {
 /// How shadows of the sun are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Shadows {
+pub enum SceneShadows {
     /// Shadow maps, which are drawn in the picture's own time.
     #[default]
     Maps,
@@ -115,7 +115,7 @@ pub enum Shadows {
 /// A day with solar hours at which the scene is drawn too.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Day {
+pub struct SceneDay {
     /// Latitude, positive to the north.
     pub latitude_deg: f64,
     /// Declination of the sun: 0 at the equinoxes, 23.44 in June.
@@ -125,7 +125,7 @@ pub struct Day {
     pub hours: Vec<f64>,
 }
 
-impl Day {
+impl SceneDay {
     /// Zenith angle and azimuth (rad) of the sun at a solar hour. +x is east and +y is north.
     pub fn sun(&self, hour: f64) -> (f64, f64) {
         let (sin_d, cos_d) = self.declination_deg.to_radians().sin_cos();

@@ -12,34 +12,35 @@ mod leaf;
 mod light;
 mod picture;
 mod plant;
-mod unknown;
+mod unknowns;
 mod validate;
 mod view;
 
-pub use grass::Grass;
-pub use leaf::{Interior, Leaf, Scan, Translucency, Uniform, Up};
-pub use light::{Day, Shadows, Sky, Sun, SunIn, Transfer};
-pub use mesophyll_base::surface::basis::Basis;
+pub use grass::StatedLawn;
+pub use leaf::{InteriorSource, StatedLeaf, StatedScan, StatedTranslucency, UniformLeaf, UpAxis};
+pub use light::{SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, SunLocation};
+pub use mesophyll_base::surface::basis::TranslucencyBasis;
 pub use mesophyll_sky::SkyModel;
-pub use picture::Pictured;
+pub use picture::PictureSky;
 pub use plant::{
-    BranchOverride, Flutter, GRAINS_A_TILE, Ground, Hill, Instance, MOST_LEAF_RESONANCE, Matter, Periodic, Plant, Wind,
+    BranchOverride, GRAINS_A_TILE, MOST_LEAF_RESONANCE, SceneGround, SceneHill, SceneInstance, SceneMaterial,
+    ScenePeriod, SceneWind, StatedFlutter, StatedPlant,
 };
-pub use unknown::{Factors, Taken, Unknown};
-pub use view::{Camera, Check, JudgedBy, View, ViewKind};
+pub use unknowns::{StatedFactors, StatedPhotograph, StatedUnknowns};
+pub use view::{CheckSettings, SceneCamera, SceneView, TranslucencyReference, ViewKind};
 
 use mesophyll_base::error::Fault;
 pub(crate) use mesophyll_base::error::{Error, Result};
 use mesophyll_files::numbers;
-use mesophyll_files::unit::Unit;
-use mesophyll_files::whole;
+use mesophyll_files::unit::LengthUnit;
+use mesophyll_files::whole_file;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 /// The content of `data/scenes/*.toml` (format: `data/scenes/README.md`).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Manifest {
+pub struct SceneManifest {
     /// Version of the format.
     pub schema: u32,
     /// Name of the scene in printed text.
@@ -61,46 +62,46 @@ pub struct Manifest {
     pub background: [f64; 3],
     /// The leaves that instances may show.
     #[serde(default, rename = "leaf")]
-    pub leaves: Vec<Leaf>,
+    pub leaves: Vec<StatedLeaf>,
     /// Leaves that stand alone.
     #[serde(default, rename = "instance")]
-    pub instances: Vec<Instance>,
+    pub instances: Vec<SceneInstance>,
     /// Whole plants.
     #[serde(default, rename = "plant")]
-    pub plants: Vec<Plant>,
+    pub plants: Vec<StatedPlant>,
     /// The wind that moves plants and lawns.
-    pub wind: Option<Wind>,
+    pub wind: Option<SceneWind>,
     /// Lawns on the ground.
     #[serde(default)]
-    pub grass: Vec<Grass>,
+    pub grass: Vec<StatedLawn>,
     /// The ground that everything stands on.
-    pub ground: Option<Ground>,
+    pub ground: Option<SceneGround>,
     /// The period, in a scene that repeats without end.
-    pub periodic: Option<Periodic>,
+    pub periodic: Option<ScenePeriod>,
     /// The sun; without it there is no direct sunlight.
-    pub sun: Option<Sun>,
+    pub sun: Option<SceneSun>,
     /// The sky; without it the sun is the only light.
-    pub sky: Option<Sky>,
+    pub sky: Option<SceneSky>,
     /// Hours of a day at which the scene is drawn too.
-    pub day: Option<Day>,
+    pub day: Option<SceneDay>,
     /// Light between leaves in real time. Without it every leaf is lit as if it stood alone.
-    pub transfer: Option<Transfer>,
+    pub transfer: Option<SceneTransfer>,
     /// The views: cameras, and what they show.
     #[serde(default, rename = "view")]
-    pub views: Vec<View>,
+    pub views: Vec<SceneView>,
     /// The camera's exposure, for pictures by `render --tone film`.
-    pub camera: Option<Camera>,
+    pub camera: Option<SceneCamera>,
     /// Pictures that were taken of it, for `fit scene`.
     #[serde(default, rename = "picture")]
-    pub taken: Vec<Taken>,
+    pub taken: Vec<StatedPhotograph>,
     /// Reflectance factors that were measured of it, for `fit scene`.
     #[serde(default, rename = "brf")]
-    pub factors: Vec<Factors>,
+    pub factors: Vec<StatedFactors>,
     /// The numbers that `fit scene` finds from them.
-    pub unknown: Option<Unknown>,
+    pub unknown: Option<StatedUnknowns>,
     /// How its pictures are judged.
     #[serde(default)]
-    pub check: Check,
+    pub check: CheckSettings,
     /// The file this was read from.
     #[serde(skip)]
     pub path: PathBuf,
@@ -110,21 +111,22 @@ fn one() -> f64 {
     1.0
 }
 
-impl Manifest {
+impl SceneManifest {
     /// Reads and validates a scene file.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
-    pub fn read(path: &Path) -> Result<Manifest> {
-        Manifest::parse(&whole::text(path)?, path)
+    pub fn read(path: &Path) -> Result<SceneManifest> {
+        SceneManifest::parse(&whole_file::text(path)?, path)
     }
 
     /// Validates the text of a scene file. Names of other files in it are relative to the folder of `path`.
     ///
     /// # Errors
     /// As [`Manifest::read`].
-    pub fn parse(text: &str, path: &Path) -> Result<Manifest> {
-        let mut manifest: Manifest = toml::from_str(text).map_err(|e| gone(path, text, Error::toml(path, text, &e)))?;
+    pub fn parse(text: &str, path: &Path) -> Result<SceneManifest> {
+        let mut manifest: SceneManifest =
+            toml::from_str(text).map_err(|e| gone(path, text, Error::toml(path, text, &e)))?;
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, text)?;
         manifest.layer(0.0, false)?;
@@ -138,7 +140,7 @@ impl Manifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let Leaf { fit, capture, scan, uniform, look, layers, mesh, part, discs, mesh_unit, mesh_up, .. } =
+            let StatedLeaf { fit, capture, scan, uniform, look, layers, mesh, part, discs, mesh_unit, mesh_up, .. } =
                 self.leaves[other].clone();
             let (lobe, index) = (self.leaves[other].lobe, self.leaves[other].index);
             let leaf = &mut self.leaves[k];
@@ -159,13 +161,13 @@ impl Manifest {
     pub fn look_from_above(&mut self) {
         if !self.views.iter().any(|v| v.kind == ViewKind::Perspective) {
             let (eye_mm, up) = (Some([0.0, 0.0, 1e6]), Some([0.0, 1.0, 0.0]));
-            self.views.push(View {
+            self.views.push(SceneView {
                 name: "above".into(),
                 eye_mm,
                 target_mm: Some([0.0; 3]),
                 up,
                 fov_deg: Some(30.0),
-                ..View::default()
+                ..SceneView::default()
             });
         }
     }
@@ -178,10 +180,10 @@ impl Manifest {
                 out.push(instance.clone());
                 continue;
             };
-            let unit = instance.unit.unwrap_or(Unit::Metre).mm();
+            let unit = instance.unit.unwrap_or(LengthUnit::Metre).mm();
             for at in numbers::read::<3>(&self.resolve(file), "x y z")? {
                 let position_mm = [0, 1, 2].map(|k| instance.position_mm[k] + unit * at[k]);
-                out.push(Instance { position_mm, positions: None, ..instance.clone() });
+                out.push(SceneInstance { position_mm, positions: None, ..instance.clone() });
             }
         }
         self.instances = out;
@@ -229,7 +231,7 @@ impl Manifest {
     }
 
     /// The sky's picture, if the sky is one.
-    pub fn pictured(&self) -> Option<&Pictured> {
+    pub fn pictured(&self) -> Option<&PictureSky> {
         self.sky.as_ref().and_then(|s| s.picture.as_deref())
     }
 
@@ -251,7 +253,7 @@ impl Manifest {
     }
 
     /// The time at which a view shows the scene (s).
-    pub fn time_of(&self, view: &View) -> f64 {
+    pub fn time_of(&self, view: &SceneView) -> f64 {
         view.time_s.unwrap_or_else(|| self.rest_time())
     }
 

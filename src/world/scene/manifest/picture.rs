@@ -3,19 +3,19 @@
 //! The path tracer takes the picture as it is. In real time the sky is a few harmonics, in which a disk of half a
 //! degree would be lost. So there the sun is taken out of the picture, and shines from its place as a disk of its own.
 
-use crate::manifest::{Error, Manifest, Result, Sun, SunIn};
+use crate::manifest::{Error, Result, SceneManifest, SceneSun, SunLocation};
 use glam::DVec3;
 use mesophyll_files::progress;
 use mesophyll_fits::sky::panorama::disk;
-use mesophyll_fits::sky::panorama::picture::{Pixel, median};
-use mesophyll_fits::sky::panorama::projection::Projection;
+use mesophyll_fits::sky::panorama::picture::{PanoramaPixel, median};
+use mesophyll_fits::sky::panorama::projection::PanoramaProjection;
 use mesophyll_transport::environment::Environment;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// The sky of a scene whose light is a picture.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Pictured {
+pub struct PictureSky {
     /// The whole picture.
     pub whole: Arc<Environment>,
     /// The picture without the sun that was taken out, with at most [`COLUMNS`] columns.
@@ -31,7 +31,7 @@ const RING: f64 = 0.09;
 /// The sun is looked for in directions whose sine of elevation is above this.
 const LOWEST: f64 = 0.01;
 
-impl Manifest {
+impl SceneManifest {
     /// Reads the picture of the scene's sky, and takes the sun from it where the scene states none.
     ///
     /// # Errors
@@ -40,7 +40,7 @@ impl Manifest {
         let Some((file, sky)) = self.sky.as_ref().and_then(|s| Some((s.environment.as_ref()?, s))) else {
             return Ok(());
         };
-        let (path, wanted) = (self.resolve(file), sky.sun == Some(SunIn::Picture));
+        let (path, wanted) = (self.resolve(file), sky.sun == Some(SunLocation::Picture));
         let (turn, scale) = (sky.rotation_deg.unwrap_or(0.0), sky.scale.unwrap_or(1.0));
         let whole = Environment::read(&path)?.placed(turn, scale).map_err(|what| Error::input(&path, what))?;
         let reduced = whole.reduced(COLUMNS);
@@ -67,7 +67,7 @@ impl Manifest {
             }
         };
         if let Some(sky) = &mut self.sky {
-            sky.picture = Some(Arc::new(Pictured { whole: Arc::new(whole), rest: Arc::new(rest) }));
+            sky.picture = Some(Arc::new(PictureSky { whole: Arc::new(whole), rest: Arc::new(rest) }));
         }
         Ok(())
     }
@@ -77,17 +77,17 @@ impl Manifest {
 ///
 /// # Errors
 /// Why it shows no sun, in words.
-fn taken_out(map: &Environment) -> std::result::Result<(Sun, Environment), &'static str> {
+fn taken_out(map: &Environment) -> std::result::Result<(SceneSun, Environment), &'static str> {
     let small = map.reduced(SEARCHED);
     let (columns, rows, texels) = small.texels();
     let pixels = small.centres().zip(texels).enumerate().filter(|(_, ((d, _), _))| d.z > LOWEST);
-    let pixel = |(at, ((d, _), texel)): (usize, ((DVec3, f64), &[f32; 3]))| Pixel {
+    let pixel = |(at, ((d, _), texel)): (usize, ((DVec3, f64), &[f32; 3]))| PanoramaPixel {
         d: d.to_array(),
         value: texel.map(f64::from),
         at,
     };
-    let seen: Vec<Pixel> = pixels.map(pixel).collect();
-    let found = disk::find(&seen, f64::INFINITY, 3, Projection::Equirectangular, [columns, rows])?;
+    let seen: Vec<PanoramaPixel> = pixels.map(pixel).collect();
+    let found = disk::find(&seen, f64::INFINITY, 3, PanoramaProjection::Equirectangular, [columns, rows])?;
     let reach = (2.5 * found.radius).max(2.0 * PI / rows as f64);
     let towards = DVec3::from(found.direction);
     let from = |d: DVec3| towards.cross(d).length().atan2(towards.dot(d));
@@ -125,7 +125,7 @@ fn taken_out(map: &Environment) -> std::result::Result<(Sun, Environment), &'sta
     // has half of its radius squared.
     let texel = (PI / rows as f64).powi(2) / 3.0;
     let radius = (2.0 * (spread + texel)).sqrt();
-    let sun = Sun {
+    let sun = SceneSun {
         zenith_deg: middle.truncate().length().atan2(middle.z).to_degrees(),
         azimuth_deg: middle.y.atan2(middle.x).to_degrees(),
         irradiance: Some(irradiance),

@@ -2,7 +2,7 @@
 
 use super::one;
 use glam::DVec3;
-use mesophyll_files::unit::Unit;
+use mesophyll_files::unit::LengthUnit;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// A leaf at a place: it is scaled, turned about x, then y, then z, and then moved.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Instance {
+pub struct SceneInstance {
     /// Name of the leaf.
     pub leaf: String,
     /// Place of the leaf's origin.
@@ -25,7 +25,7 @@ pub struct Instance {
     /// A file with a list of places. Each line has x y z, which are added to `position_mm`.
     pub positions: Option<PathBuf>,
     /// Unit of that list; metres when absent.
-    pub unit: Option<Unit>,
+    pub unit: Option<LengthUnit>,
 }
 
 /// What a scene states about a branch of a plant, or about all branches of a level, instead of the plant's file.
@@ -57,7 +57,7 @@ pub struct BranchOverride {
 /// What is drawn for a material of a plant.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged)]
-pub enum Matter {
+pub enum SceneMaterial {
     /// A leaf of the scene, by its name.
     Leaf(String),
     /// Bark with this diffuse reflectance.
@@ -67,7 +67,7 @@ pub enum Matter {
 /// A whole plant, from a glTF file or grown from a description. It sways where the scene has a wind.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Plant {
+pub struct StatedPlant {
     /// Name of the plant in printed text; the file's name when absent.
     pub name: Option<String>,
     /// A glTF file. Either this or `grow` is given.
@@ -77,7 +77,7 @@ pub struct Plant {
     /// Seed for `grow`; that of the description when absent.
     pub grow_seed: Option<u64>,
     /// What is drawn for each material, by the plant's name of the material.
-    pub materials: BTreeMap<String, Matter>,
+    pub materials: BTreeMap<String, SceneMaterial>,
     /// Place of the foot.
     #[serde(default)]
     pub position_mm: [f64; 3],
@@ -114,7 +114,7 @@ pub struct Plant {
     pub leaf_kg_m2: f64,
     /// How its leaves flutter. When absent, they keep still on their branches. It is refused in a wind that moves none
     /// of the branches.
-    pub flutter: Option<Flutter>,
+    pub flutter: Option<StatedFlutter>,
     /// What the scene states about single branches or levels, instead of the file.
     #[serde(default, rename = "branch")]
     pub branches: Vec<BranchOverride>,
@@ -127,7 +127,7 @@ pub const MOST_LEAF_RESONANCE: f64 = 6.4;
 /// Leaves that turn back and forth about their axes in gusts.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Flutter {
+pub struct StatedFlutter {
     /// Angle by which a slow change of the wind's speed by 1 m/s turns a leaf.
     pub deg_per_m_s: f64,
     /// Resonance frequency of a leaf, up to [`MOST_LEAF_RESONANCE`].
@@ -141,7 +141,7 @@ pub struct Flutter {
 /// A mean wind and its gusts.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Wind {
+pub struct SceneWind {
     /// Mean speed at the place of the scene.
     pub speed_m_s: f64,
     /// Direction that it blows to, from +x towards +y.
@@ -161,7 +161,7 @@ pub struct Wind {
     pub simplified: bool,
 }
 
-impl Wind {
+impl SceneWind {
     /// The direction that it blows to, a unit vector.
     pub fn direction(&self) -> DVec3 {
         let azimuth = self.azimuth_deg.to_radians();
@@ -172,7 +172,7 @@ impl Wind {
 /// The period of a scene whose light comes as if it repeated along x and y around the origin.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Periodic {
+pub struct ScenePeriod {
     /// Lengths of the period along x and y.
     pub size_mm: [f64; 2],
 }
@@ -180,7 +180,7 @@ pub struct Periodic {
 /// A level, matte square of ground in the middle of the world. It reflects light and hides what is behind it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Ground {
+pub struct SceneGround {
     /// Diffuse reflectance.
     pub albedo: [f64; 3],
     /// Half of its width; in a periodic scene the ground covers the period.
@@ -194,13 +194,13 @@ pub struct Ground {
     /// Standard deviation of the logarithm of the reflectance, where there is a grain; .4 when absent.
     pub contrast: Option<f64>,
     /// A hill on it. Lawns follow it; plants and leaves stand where they are stated.
-    pub hill: Option<Hill>,
+    pub hill: Option<SceneHill>,
 }
 
 /// A hill in the shape of a Gaussian, or a hollow.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Hill {
+pub struct SceneHill {
     /// Height of its top over the ground; less than 0 in a hollow.
     pub height_mm: f64,
     /// Distance from the top at which it is steepest, the standard deviation of the Gaussian.
@@ -213,7 +213,7 @@ pub struct Hill {
 /// Number of grains along a side of the square after which the ground's pattern repeats.
 pub const GRAINS_A_TILE: f64 = 64.0;
 
-impl Ground {
+impl SceneGround {
     /// Standard deviation of the logarithm of the reflectance from grain to grain.
     pub fn contrast(&self) -> f64 {
         self.contrast.unwrap_or(0.4)

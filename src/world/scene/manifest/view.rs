@@ -21,7 +21,7 @@ pub enum ViewKind {
 /// What transmitted light by translucency maps is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum JudgedBy {
+pub enum TranslucencyReference {
     /// The full convolution for the sun's present direction.
     #[default]
     Convolution,
@@ -33,7 +33,7 @@ pub enum JudgedBy {
 /// A picture of the scene.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct View {
+pub struct SceneView {
     /// Name of the view, which its files carry.
     pub name: String,
     /// What it shows.
@@ -72,13 +72,13 @@ pub struct View {
     pub blocks: Option<u32>,
     /// What transmitted light is compared with.
     #[serde(default)]
-    pub judged_by: JudgedBy,
+    pub judged_by: TranslucencyReference,
 }
 
 /// The exposure of a camera, for pictures that are made to be looked at (`mesophyll render --tone film`).
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Camera {
+pub struct SceneCamera {
     /// Focal length over the width of the aperture.
     pub f_number: f64,
     /// Time for which the shutter is open.
@@ -92,7 +92,7 @@ fn iso() -> f64 {
     100.0
 }
 
-impl Camera {
+impl SceneCamera {
     /// The factor for luminance (cd/m²) that maps the luminance at which a sensor of this speed saturates to 1 (ISO
     /// 12232; Lagarde & de Rousiers 2014, §5.1.1): 1/(1.2 · 2^EV), where EV = log₂(N²/t · 100/S).
     pub fn exposure(&self) -> f64 {
@@ -104,7 +104,7 @@ impl Camera {
 /// The settings of a check.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Check {
+pub struct CheckSettings {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -122,7 +122,7 @@ pub struct Check {
     pub seed: u64,
 }
 
-impl Check {
+impl CheckSettings {
     /// Pixels along a side of the blocks in which a film is judged.
     pub const FILM_BLOCK: u32 = 16;
 
@@ -132,8 +132,8 @@ impl Check {
     }
 }
 
-impl Default for Check {
+impl Default for CheckSettings {
     fn default() -> Self {
-        Check { width: 800, height: 600, samples: 64, frames: 20, seconds: 0.0, fps: 30.0, seed: 1 }
+        CheckSettings { width: 800, height: 600, samples: 64, frames: 20, seconds: 0.0, fps: 30.0, seed: 1 }
     }
 }

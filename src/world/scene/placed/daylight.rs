@@ -6,27 +6,27 @@
 //! sun, the N² coefficients are integrated. A sun that moves takes them from the polynomial fit, which is made once,
 //! and only for such a sun.
 
-use crate::manifest::Manifest;
+use crate::manifest::SceneManifest;
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use glam::DVec3;
 use mesophyll_fits::sky as fit;
-use mesophyll_sky::fitted::Folded;
-use mesophyll_sky::{Coefficients, HosekWilkie, Model, Preetham, Refused, Sky, SkyModel};
-use mesophyll_sky::{harmonics, irradiance, project, sun};
+use mesophyll_sky::polynomials::FoldedPolynomials;
+use mesophyll_sky::{HarmonicCoefficients, HosekWilkie, Preetham, Sky, SkyFamily, SkyModel, SkyRefusal};
+use mesophyll_sky::{harmonics, irradiance, projection, sun};
 use mesophyll_transport::tone::display;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 /// Perez coefficients A … E of luminance and chromaticities, and the factors of Y, Y/y and Y·x/y in the scene's unit.
-pub type Perez = ([[f64; 5]; 3], [f64; 3]);
+pub type PerezCoefficients = ([[f64; 5]; 3], [f64; 3]);
 
 /// One sky above the horizon, with its sun and ground. Everything is in the scene's unit.
 #[derive(Debug, Clone)]
 pub struct Daylight {
     sky: Arc<dyn Sky>,
     /// Perez coefficients and factors; `None` for a model that has none.
-    perez: Option<Perez>,
+    perez: Option<PerezCoefficients>,
     /// Turbidity, from 2 (clear) to 10 (hazy).
     pub turbidity: f64,
     /// Zenith angle of the sun (rad).
@@ -44,9 +44,9 @@ pub struct Daylight {
 
 /// The sky's light for the renderer.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Light {
+pub struct DaylightCoefficients {
     /// Harmonics of the radiance all around.
-    pub harmonics: Coefficients,
+    pub harmonics: HarmonicCoefficients,
     /// Radiance below the horizon; `None` where the sky has no ground.
     pub ground: Option<[f64; 3]>,
 }
@@ -57,18 +57,18 @@ pub fn direction(zenith: f64, azimuth: f64) -> DVec3 {
 }
 
 /// The direction towards the scene's sun.
-pub fn sun_direction(manifest: &Manifest) -> Option<DVec3> {
+pub fn sun_direction(manifest: &SceneManifest) -> Option<DVec3> {
     manifest.sun.as_ref().map(|s| direction(s.zenith_deg.to_radians(), s.azimuth_deg.to_radians()))
 }
 
 /// The directions towards the sun at all its places: the scene's own, and that of each hour of its day.
-pub fn sun_directions(manifest: &Manifest) -> Vec<DVec3> {
+pub fn sun_directions(manifest: &SceneManifest) -> Vec<DVec3> {
     let hours = manifest.day.iter().flat_map(|day| day.hours.iter().map(|hour| day.sun(*hour)));
     sun_direction(manifest).into_iter().chain(hours.map(|(zenith, azimuth)| direction(zenith, azimuth))).collect()
 }
 
 /// Irradiance of the sun and mean radiance of the sky, in the scene's unit; 0 for one that is absent.
-pub fn levels(manifest: &Manifest) -> ([f64; 3], [f64; 3]) {
+pub fn levels(manifest: &SceneManifest) -> ([f64; 3], [f64; 3]) {
     if let Ok(Some(daylight)) = Daylight::of(manifest) {
         return (daylight.sun, daylight.level.map(|e| e / PI));
     }
@@ -82,7 +82,7 @@ impl Daylight {
     ///
     /// # Errors
     /// [`Error::Input`] for a sun or turbidity that the model refuses.
-    pub fn of(manifest: &Manifest) -> Result<Option<Daylight>> {
+    pub fn of(manifest: &SceneManifest) -> Result<Option<Daylight>> {
         let (Some(sky), Some(sun)) = (&manifest.sky, &manifest.sun) else { return Ok(None) };
         let Some(turbidity) = sky.model.and(sky.turbidity) else { return Ok(None) };
         Daylight::at(manifest, sun.zenith_deg.to_radians(), sun.azimuth_deg.to_radians(), turbidity).map(Some)
@@ -92,8 +92,8 @@ impl Daylight {
     ///
     /// # Errors
     /// As [`Daylight::of`].
-    pub fn at(manifest: &Manifest, zenith: f64, azimuth: f64, turbidity: f64) -> Result<Daylight> {
-        let refused = |e: Refused| Error::field(&manifest.path, "sky", e.to_string());
+    pub fn at(manifest: &SceneManifest, zenith: f64, azimuth: f64, turbidity: f64) -> Result<Daylight> {
+        let refused = |e: SkyRefusal| Error::field(&manifest.path, "sky", e.to_string());
         let told = manifest.sky.as_ref();
         let scale = told.and_then(|s| s.scale).unwrap_or(1.0);
         let albedo = told.and_then(|s| s.ground_albedo);
@@ -109,7 +109,7 @@ impl Daylight {
             }
         };
         let stated = manifest.sun.as_ref().and_then(|s| s.irradiance);
-        let level = irradiance::on_level_ground(&project::direct(sky.as_ref(), 2)).map(|v| v * scale);
+        let level = irradiance::on_level_ground(&projection::direct(sky.as_ref(), 2)).map(|v| v * scale);
         let sun = stated.unwrap_or_else(|| sun::irradiance(zenith, turbidity).map(|v| v * scale));
         Ok(Daylight { perez, turbidity, zenith: sky.sun_zenith(), azimuth, scale, sun, albedo, level, sky })
     }
@@ -140,10 +140,10 @@ impl Daylight {
     ///
     /// # Errors
     /// [`Error::Usage`] for a sun or turbidity outside the fit's range.
-    pub fn light(&self, bands: usize, polynomials: Option<&Folded<f32>>) -> Result<Light> {
+    pub fn light(&self, bands: usize, polynomials: Option<&FoldedPolynomials<f32>>) -> Result<DaylightCoefficients> {
         let sky = match polynomials {
             Some(f) => f.coefficients(self.zenith, self.turbidity).map_err(|e| Error::Usage(e.to_string()))?,
-            None => project::direct(self.sky.as_ref(), bands.max(2)),
+            None => projection::direct(self.sky.as_ref(), bands.max(2)),
         };
         let sun = self.sun_on_ground().map(|v| v / self.scale);
         let level = irradiance::on_level_ground(&sky);
@@ -151,11 +151,11 @@ impl Daylight {
         let mut whole =
             self.albedo.map_or_else(|| sky.clone(), |a| irradiance::add_ground(&sky, a, sun)).truncated(bands);
         whole.values_mut().iter_mut().for_each(|v| *v = v.map(|x| self.scale * x));
-        Ok(Light { harmonics: harmonics::rotate_z(&whole, self.azimuth), ground })
+        Ok(DaylightCoefficients { harmonics: harmonics::rotate_z(&whole, self.azimuth), ground })
     }
 
     /// The Perez coefficients and factors, for drawing the sky; `None` for a model that has none.
-    pub fn perez(&self) -> Option<Perez> {
+    pub fn perez(&self) -> Option<PerezCoefficients> {
         self.perez
     }
 
@@ -194,7 +194,7 @@ impl Daylight {
             .iter()
             .map(|&n| {
                 let c = irradiance::convolved(&self.light(n, None)?.harmonics);
-                let basis = harmonics::Basis::new(n);
+                let basis = harmonics::HarmonicBasis::new(n);
                 let errors = normals.iter().zip(&truth).flat_map(|(normal, e)| {
                     let seen = basis.sum(&c, normal.to_array());
                     [0, 1, 2].map(|k| (shown(seen[k]) - shown(e[k])).abs())
@@ -210,7 +210,11 @@ impl Daylight {
 ///
 /// # Errors
 /// [`Error::Missed`] where the fit fails.
-pub fn polynomials(manifest: &Manifest, moves: bool, ledger: &Ledger) -> Result<Option<&'static Folded<f32>>> {
+pub fn polynomials(
+    manifest: &SceneManifest,
+    moves: bool,
+    ledger: &Ledger,
+) -> Result<Option<&'static FoldedPolynomials<f32>>> {
     let fitted = manifest.sky.as_ref().and_then(|s| s.model) == Some(SkyModel::Preetham);
     match (moves && fitted, ledger.count("fit", "sky")) {
         (false, _) => Ok(None),
@@ -222,9 +226,9 @@ pub fn polynomials(manifest: &Manifest, moves: bool, ledger: &Ledger) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::manifest::Day;
+    use crate::manifest::SceneDay;
 
-    fn manifest(sky: &str) -> Manifest {
+    fn manifest(sky: &str) -> SceneManifest {
         let text = format!(
             "schema = 1\nname = \"s\"\ntolerance = 0.004\n[[leaf]]\nname = \"elm\"\nfit = \"f\"\n[[instance]]\nleaf \
              = \"elm\"\n\
@@ -235,14 +239,14 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s.toml");
         std::fs::write(&path, text).unwrap();
-        Manifest::read(&path).unwrap()
+        SceneManifest::read(&path).unwrap()
     }
 
     /// At the equinox the sun rises in the east at six. At noon it is in the south at the latitude's angle, and the
     /// afternoon mirrors the morning.
     #[test]
     fn the_sun_goes_its_way() {
-        let day = Day { latitude_deg: 50.0, declination_deg: 0.0, hours: Vec::new() };
+        let day = SceneDay { latitude_deg: 50.0, declination_deg: 0.0, hours: Vec::new() };
         let (z, a) = day.sun(6.0);
         assert!((z - PI / 2.0).abs() < 1e-12 && a.abs() < 1e-12, "{z} {a}");
         let (z, a) = day.sun(12.0);
@@ -257,7 +261,7 @@ mod tests {
     fn harmonics_are_of_the_sky_that_is_looked_at() {
         let d = Daylight::of(&manifest("ground_albedo = [0.2, 0.3, 0.1]\nscale = 0.5")).unwrap().unwrap();
         let c = d.light(40, None).unwrap();
-        let basis = harmonics::Basis::new(40);
+        let basis = harmonics::HarmonicBasis::new(40);
         for (z, phi) in [(0.9f64, 0.3f64), (0.5, 2.0), (-0.6, 1.0), (-0.9, -2.0)] {
             let n = DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
             let (seen, true_sky) = (basis.sum(&c.harmonics, n.to_array()), d.radiance(n));

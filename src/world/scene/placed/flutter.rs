@@ -10,15 +10,15 @@
 //! Like a branch, a leaf is an oscillator (Eq. 4.16). Its angle follows the wind's speed with a mean of 0, and without
 //! wind nothing moves. The textures hold frequencies from 1/64 of a leaf's resonance to twice the resonance.
 
-use super::plant::Planted;
-use crate::manifest::Flutter;
+use super::plant::PlacedPlant;
+use crate::manifest::StatedFlutter;
 use crate::placed::ledger::Ledger;
 use glam::{DMat3, DMat4, DVec2, DVec3};
 use mesophyll_plants::form::Plant;
-use mesophyll_plants::mechanics::motion::Motion;
-use mesophyll_plants::mechanics::motion_spectrum::Method;
+use mesophyll_plants::mechanics::motion::MotionTexture;
+use mesophyll_plants::mechanics::motion_spectrum::SpectrumMethod;
 use mesophyll_plants::mechanics::wind::{Oscillator, Sway, Wind, leaf_weights};
-use mesophyll_plants::pose::{Rigid, limited};
+use mesophyll_plants::pose::{RigidMotion, limited};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -33,33 +33,33 @@ pub const TEXTURES: usize = 3;
 
 /// The gusts for all leaves of a scene with the same flutter.
 #[derive(Debug)]
-pub struct Gusts {
+pub struct FlutterGusts {
     /// The spectrum of the angle (rad).
     pub sway: Sway,
-    textures: [Motion; TEXTURES],
+    textures: [MotionTexture; TEXTURES],
 }
 
-impl Gusts {
+impl FlutterGusts {
     /// Makes the gusts; `None` where the spectrum is not finite and positive.
-    pub fn new(said: &Flutter, wind: Wind, seed: u64, ledger: &Ledger) -> Option<Gusts> {
+    pub fn new(said: &StatedFlutter, wind: Wind, seed: u64, ledger: &Ledger) -> Option<FlutterGusts> {
         let resonance = said.resonance_hz;
         let oscillator = Oscillator { resonance, damping: said.damping * 2.0 * TAU * resonance };
         let sway = Sway { wind, oscillator, lean: said.deg_per_m_s.to_radians() * wind.speed };
         let make = |plane: u64| {
             let seed = seed.wrapping_add((1 + plane) << 56);
-            Motion::new(|f| sway.spectrum(f), sway.highest(), SIDE, seed, Method::InverseAbel)
+            MotionTexture::new(|f| sway.spectrum(f), sway.highest(), SIDE, seed, SpectrumMethod::InverseAbel)
         };
         let made = ledger.note("make", "motion textures of leaves", (TEXTURES * SIDE * SIDE * 8) as u64, || {
             Some([make(0)?, make(1)?, make(2)?])
         });
-        Some(Gusts { sway, textures: made? })
+        Some(FlutterGusts { sway, textures: made? })
     }
 }
 
 /// The flutter of a plant's leaves.
 #[derive(Debug)]
-pub struct Fluttering {
-    gusts: Arc<Gusts>,
+pub struct PlacedFlutter {
+    gusts: Arc<FlutterGusts>,
     /// Weights of the textures. The sum of their squares is 1.
     weights: [f64; 3],
     /// For each plane, the direction in which a leaf moves through the texture.
@@ -69,14 +69,14 @@ pub struct Fluttering {
     places: Vec<DMat4>,
 }
 
-impl Fluttering {
+impl PlacedFlutter {
     /// The flutter in a wind that blows `towards` (a unit vector).
-    pub fn new(gusts: Arc<Gusts>, towards: DVec3, planted: &Planted) -> Fluttering {
+    pub fn new(gusts: Arc<FlutterGusts>, towards: DVec3, planted: &PlacedPlant) -> PlacedFlutter {
         let weights = leaf_weights(towards.to_array());
         let norm = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
         let ways = planes(towards).map(|within| unrepeated(within.normalize_or(DVec2::X)));
         let (hangs, places) = (hangs(&planted.plant), planted.places.clone());
-        Fluttering { gusts, weights: weights.map(|w| w / norm), ways, hangs, places }
+        PlacedFlutter { gusts, weights: weights.map(|w| w / norm), ways, hangs, places }
     }
 
     /// The angle (rad) of a leaf at a place and a time (s), with the spectrum above.
@@ -115,10 +115,10 @@ impl Fluttering {
     }
 
     /// The rotation from rest of every leaf of the plant at a place and a time (s), in the plant's frame.
-    pub fn turns(&self, place: usize, time: f64) -> Vec<Rigid> {
+    pub fn turns(&self, place: usize, time: f64) -> Vec<RigidMotion> {
         let turn = |(leaf, (hang, axis)): (usize, &(DVec3, DVec3))| {
             let turn = DMat3::from_axis_angle(*axis, self.turn(place, leaf, time));
-            Rigid { from: *hang, to: *hang, turn }
+            RigidMotion { from: *hang, to: *hang, turn }
         };
         self.hangs.iter().enumerate().map(turn).collect()
     }
@@ -176,17 +176,17 @@ fn back(d: DVec2) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::manifest::Manifest;
+    use crate::manifest::SceneManifest;
 
-    fn fluttering(speed: f64, azimuth: f64) -> (Planted, Fluttering) {
+    fn fluttering(speed: f64, azimuth: f64) -> (PlacedPlant, PlacedFlutter) {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../data/scenes/plant.toml");
-        let manifest = Manifest::read(&root).unwrap();
+        let manifest = SceneManifest::read(&root).unwrap();
         let planted = super::super::plant::planted(&manifest, &Ledger::new()).unwrap().remove(0);
-        let said = Flutter { deg_per_m_s: 4.0, resonance_hz: 4.0, damping: 0.3 };
+        let said = StatedFlutter { deg_per_m_s: 4.0, resonance_hz: 4.0, damping: 0.3 };
         let towards = DVec3::new(f64::cos(azimuth), f64::sin(azimuth), 0.0);
         let wind = Wind { speed, turbulence: 0.3 };
-        let gusts = Gusts::new(&said, wind, 7, &Ledger::new()).unwrap();
-        let flutter = Fluttering::new(Arc::new(gusts), towards, &planted);
+        let gusts = FlutterGusts::new(&said, wind, 7, &Ledger::new()).unwrap();
+        let flutter = PlacedFlutter::new(Arc::new(gusts), towards, &planted);
         (planted, flutter)
     }
 
@@ -195,8 +195,8 @@ mod tests {
     #[test]
     fn lines_in_all_directions_stay_away_from_themselves() {
         let resonance_hz = crate::manifest::MOST_LEAF_RESONANCE;
-        let said = Flutter { deg_per_m_s: 4.0, resonance_hz, damping: 0.3 };
-        let gusts = Gusts::new(&said, Wind { speed: 4.0, turbulence: 0.3 }, 7, &Ledger::new()).unwrap();
+        let said = StatedFlutter { deg_per_m_s: 4.0, resonance_hz, damping: 0.3 };
+        let gusts = FlutterGusts::new(&said, Wind { speed: 4.0, turbulence: 0.3 }, 7, &Ledger::new()).unwrap();
         let passage = 1.0 / gusts.textures[0].speed();
         for k in 0..360 {
             let way = DVec2::from_angle(f64::from(k).to_radians());
@@ -205,7 +205,7 @@ mod tests {
             assert!(seconds > 599.999 && found.angle_to(way).abs() < 0.02, "{k} degrees: {seconds} s");
         }
         assert!((gusts.textures[0].lowest * 64.0 / resonance_hz - 1.0).abs() < 1e-12);
-        assert!(Gusts::new(&said, Wind { speed: 1e-150, turbulence: 0.3 }, 7, &Ledger::new()).is_none());
+        assert!(FlutterGusts::new(&said, Wind { speed: 1e-150, turbulence: 0.3 }, 7, &Ledger::new()).is_none());
     }
 
     /// The spectrum of the leaves' angles over nine thousand periods, by a discrete Fourier transform of segments,
@@ -252,7 +252,7 @@ mod tests {
     fn leaves_turn_about_their_axes_and_the_wind_decides_how_far() {
         let (planted, flutter) = fluttering(4.0, 0.0);
         let plant = &planted.plant;
-        let rms = |flutter: &Fluttering| {
+        let rms = |flutter: &PlacedFlutter| {
             let n = 400;
             let sum: f64 = (0..n).map(|k| flutter.angle(0, k % 100, 0.37 * k as f64).powi(2)).sum();
             (sum / n as f64).sqrt()

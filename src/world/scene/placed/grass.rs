@@ -1,15 +1,15 @@
 //! Lawns: the blades of a meadow for the path tracer, and the slices that represent them in real time.
 
-use super::leaning::{Gusts, Leaning};
-use crate::manifest::{Grass as Config, Manifest};
+use super::lawn_lean::{LawnGusts, LawnLean};
+use crate::manifest::{SceneManifest, StatedLawn as Config};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use glam::{DMat4, DVec2, DVec3};
-use mesophyll_fits::grass::blades::Meadow;
+use mesophyll_fits::grass::blades::LawnMeadow;
 use mesophyll_fits::grass::hill::Hill;
-use mesophyll_fits::grass::irregular::{SHIFTS, shifted};
-use mesophyll_fits::grass::march::Slices;
-use mesophyll_fits::grass::optics::{self, Leaves};
+use mesophyll_fits::grass::irregularity::{SHIFTS, shifted};
+use mesophyll_fits::grass::march::LawnSlices;
+use mesophyll_fits::grass::optics::{self, LawnMaterials};
 use mesophyll_fits::grass::{Options, baked, counted, fits_memory, folder, plant, weights};
 use mesophyll_plants::form::{Leaf, Plant};
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ const SAME: f64 = 1e-3;
 
 /// A lawn of the scene.
 #[derive(Debug)]
-pub struct Grass {
+pub struct PlacedLawn {
     /// Index into the manifest's lawns.
     pub index: usize,
     /// Name of the lawn.
@@ -36,7 +36,7 @@ pub struct Grass {
     /// The blades of one rectangle.
     pub plant: Plant,
     /// Their reflectance and transmittance.
-    pub leaves: Leaves,
+    pub leaves: LawnMaterials,
     /// Size of the rectangle (mm).
     pub period: [f64; 2],
     /// How many rectangles are laid along x and along y.
@@ -50,10 +50,10 @@ pub struct Grass {
     /// The hill that the lawn is on, in the world.
     pub hill: Option<Hill>,
     /// How the wind leans the lawn, if it does.
-    pub leaning: Option<Leaning>,
+    pub leaning: Option<LawnLean>,
     /// Path of the meadow's file.
     path: PathBuf,
-    slices: OnceLock<Arc<Slices>>,
+    slices: OnceLock<Arc<LawnSlices>>,
 }
 
 /// Every lawn of the scene.
@@ -62,18 +62,18 @@ pub struct Grass {
 /// [`Error::Input`] for a meadow or a table that cannot be read, a meadow that does not repeat, a material that the
 /// table lacks, a fit that does not exist, slices with more texels than a fit may have, and a lawn that reaches too
 /// far.
-pub fn lawns(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Grass>> {
+pub fn lawns(manifest: &SceneManifest, ledger: &Ledger) -> Result<Vec<PlacedLawn>> {
     let all = manifest.grass.iter().enumerate().map(|(index, config)| lawn(manifest, index, config, ledger));
-    let mut lawns = all.collect::<Result<Vec<Grass>>>()?;
+    let mut lawns = all.collect::<Result<Vec<PlacedLawn>>>()?;
     lean(manifest, &mut lawns, ledger)?;
     Ok(lawns)
 }
 
 /// Leans the lawns on which the wind has an effect.
-fn lean(manifest: &Manifest, lawns: &mut [Grass], ledger: &Ledger) -> Result<()> {
-    let leans = |lawn: &Grass| manifest.grass[lawn.index].lean_per_m_s;
+fn lean(manifest: &SceneManifest, lawns: &mut [PlacedLawn], ledger: &Ledger) -> Result<()> {
+    let leans = |lawn: &PlacedLawn| manifest.grass[lawn.index].lean_per_m_s;
     let tallest = lawns.iter().filter(|lawn| leans(lawn) > 0.0).map(|lawn| lawn.height).fold(0.0, f64::max);
-    let gusts = if tallest > 0.0 { Gusts::new(manifest, tallest, ledger)? } else { None };
+    let gusts = if tallest > 0.0 { LawnGusts::new(manifest, tallest, ledger)? } else { None };
     let Some(gusts) = gusts else { return Ok(()) };
     for lawn in lawns {
         let (config, lean_per_m_s) = (&manifest.grass[lawn.index], leans(lawn));
@@ -85,12 +85,12 @@ fn lean(manifest: &Manifest, lawns: &mut [Grass], ledger: &Ledger) -> Result<()>
             );
             return Err(field(manifest, config, "lean_per_m_s", told));
         }
-        lawn.leaning = (lean_per_m_s > 0.0).then(|| Leaning { gusts: Arc::clone(&gusts), lean_per_m_s });
+        lawn.leaning = (lean_per_m_s > 0.0).then(|| LawnLean { gusts: Arc::clone(&gusts), lean_per_m_s });
     }
     Ok(())
 }
 
-fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> Result<Grass> {
+fn lawn(manifest: &SceneManifest, index: usize, config: &Config, ledger: &Ledger) -> Result<PlacedLawn> {
     let path = manifest.resolve(&config.meadow);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
     let plant = ledger.note("read", format!("{} blades", config.name), bytes, || plant(&path))?;
@@ -137,7 +137,7 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
         points.iter().map(|p| leaf.transform.transform_point3(*p).z)
     });
     let height = tips.fold(0.0, f64::max);
-    Ok(Grass {
+    Ok(PlacedLawn {
         height,
         irregular: config.irregular_seed,
         hill: hill(manifest),
@@ -155,7 +155,7 @@ fn lawn(manifest: &Manifest, index: usize, config: &Config, ledger: &Ledger) -> 
 }
 
 /// The hill of the scene's ground.
-pub fn hill(manifest: &Manifest) -> Option<Hill> {
+pub fn hill(manifest: &SceneManifest) -> Option<Hill> {
     let said = manifest.ground.as_ref()?.hill.as_ref()?;
     Some(Hill { middle: said.position_mm.into(), height: said.height_mm, radius: said.radius_mm })
 }
@@ -171,11 +171,11 @@ fn options(config: &Config) -> Options {
     }
 }
 
-fn field(manifest: &Manifest, config: &Config, key: &str, told: String) -> Error {
+fn field(manifest: &SceneManifest, config: &Config, key: &str, told: String) -> Error {
     Error::field(&manifest.path, &format!("grass \"{}\": {key}", config.name), told)
 }
 
-impl Grass {
+impl PlacedLawn {
     /// The transforms of all rectangles to the world.
     pub fn places(&self) -> impl Iterator<Item = DMat4> + '_ {
         let [nx, ny] = self.tiles;
@@ -245,7 +245,7 @@ impl Grass {
     }
 
     /// The options for making slices where there is no fit.
-    pub fn options(&self, manifest: &Manifest) -> Options {
+    pub fn options(&self, manifest: &SceneManifest) -> Options {
         options(&manifest.grass[self.index])
     }
 
@@ -254,12 +254,12 @@ impl Grass {
     /// # Errors
     /// [`Error::Input`] for a damaged fit, or one of another meadow or with another table of leaves, and where there is
     /// not enough memory to make slices.
-    pub fn slices(&self, manifest: &Manifest, ledger: &Ledger) -> Result<Arc<Slices>> {
+    pub fn slices(&self, manifest: &SceneManifest, ledger: &Ledger) -> Result<Arc<LawnSlices>> {
         if let Some(known) = self.slices.get() {
             return Ok(Arc::clone(known));
         }
         let config = &manifest.grass[self.index];
-        let meadow = Meadow::new(&self.path, &self.plant, &self.leaves)?;
+        let meadow = LawnMeadow::new(&self.path, &self.plant, &self.leaves)?;
         let slices = match config.fit.as_ref().map(|f| manifest.resolve(f)) {
             Some(fit) => {
                 let slices = ledger.note("read", format!("{} slices", self.name), 0, || folder::open(&fit))?;
@@ -286,7 +286,7 @@ impl Grass {
             let told = format!("found {} slices, expected a multiple of {SHIFTS} beside irregular_seed", slices.count);
             return Err(field(manifest, config, "fit", told));
         }
-        let slices = Slices { irregular: self.irregular, ..slices };
+        let slices = LawnSlices { irregular: self.irregular, ..slices };
         Ok(Arc::clone(self.slices.get_or_init(|| Arc::new(slices))))
     }
 }

@@ -1,46 +1,46 @@
 //! One of the scene's leaves in the world: its fit, its blade, and which of its sides are seen and lit.
 
 use super::daylight;
-use super::facing::Facing;
-use super::moves::Moves;
-use super::placement::{self, Placement};
-use crate::manifest::{Interior, Leaf as Config, Manifest, Up, ViewKind};
-use crate::placed::fits::source::{self, Freshness, InputHash, Source};
-use crate::placed::fits::translucency::{self, Translucent};
+use super::motion::SceneMotion;
+use super::placement::{self, LeafPlacement};
+use super::visible_sides::VisibleSides;
+use crate::manifest::{InteriorSource, SceneManifest, StatedLeaf as Config, UpAxis, ViewKind};
+use crate::placed::fits::source::{self, FitFreshness, FitInputHash, LeafSource};
+use crate::placed::fits::translucency::{self, PlacedTranslucency};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::{self, LeafMesh};
-use mesophyll_files::progress::Bar;
-use mesophyll_files::unit::Unit;
+use mesophyll_files::progress::TaskProgress;
+use mesophyll_files::unit::LengthUnit;
 use mesophyll_fits::leaf_folder::{BLADE, LeafFit};
 use mesophyll_plants::import::{plant::part, soup};
-use mesophyll_plants::{file, grow};
+use mesophyll_plants::{file, growth};
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
 /// How a scene's leaves are searched for.
 #[derive(Clone, Copy, Default)]
-pub struct Search<'a> {
+pub struct LeafSearch<'a> {
     /// A run's folder with its own fits.
     pub out: Option<&'a Path>,
     /// Computes the present input hash of a capture, to compare with that of a fit. When absent, every fit counts as up
     /// to date.
-    pub input_hash: Option<InputHash<'a>>,
+    pub input_hash: Option<FitInputHash<'a>>,
     /// Whether this is for a window, where camera, sun and sliders are free. Then every side counts as seen and lit.
     pub free: bool,
 }
 
 /// A leaf of the manifest, with its data.
 #[derive(Debug, Default)]
-pub struct Leaf {
+pub struct PlacedLeaf {
     /// Index into the manifest's leaves.
     pub index: usize,
     /// Whether a perspective view, a card or a view of its scan shows it.
     pub used: bool,
     /// The source of its fit; `None` for a leaf that nothing shows.
-    pub source: Option<Source>,
+    pub source: Option<LeafSource>,
     /// Whether its reflection is stated in the manifest, so that nothing must be fitted.
     pub uniform: bool,
     /// Its fit, which is open when the leaf is used and the fit is up to date.
@@ -50,25 +50,25 @@ pub struct Leaf {
     /// Its mesh, which is read where the leaf is placed and its fit exists.
     pub mesh: Option<LeafMesh>,
     /// The sides that perspective views see.
-    pub facing: Facing,
+    pub facing: VisibleSides,
     /// The sides that card views see.
-    pub on_cards: Facing,
+    pub on_cards: VisibleSides,
     /// Its translucency maps, where the scene requests them.
-    pub translucent: Option<Translucent>,
+    pub translucent: Option<PlacedTranslucency>,
 }
 
-impl Leaf {
+impl PlacedLeaf {
     /// Searches for leaf `index` of the manifest.
     ///
     /// # Errors
     /// [`crate::placed::Error::Input`] for a fit that does not exist and cannot be made, or a damaged mesh.
     pub fn find(
-        manifest: &Manifest,
-        (placements, moves): (&[Placement], Moves),
+        manifest: &SceneManifest,
+        (placements, moves): (&[LeafPlacement], SceneMotion),
         index: usize,
-        search: Search,
+        search: LeafSearch,
         ledger: &Ledger,
-    ) -> Result<Leaf> {
+    ) -> Result<PlacedLeaf> {
         let leaf = &manifest.leaves[index];
         let shown_by = |kind: ViewKind| {
             manifest.views.iter().filter(move |v| v.kind == kind && v.leaf.as_deref() == Some(leaf.name.as_str()))
@@ -76,7 +76,7 @@ impl Leaf {
         let perspective = || manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let placed = perspective().next().is_some() && placements.iter().any(|p| p.leaf == index);
         let used = placed || shown_by(ViewKind::Capture).next().is_some() || shown_by(ViewKind::Card).next().is_some();
-        let mut out = Leaf { index, used, ..Leaf::default() };
+        let mut out = PlacedLeaf { index, used, ..PlacedLeaf::default() };
         if !used {
             return Ok(out);
         }
@@ -88,7 +88,7 @@ impl Leaf {
         let sun = daylight::sun_direction(manifest)
             .zip(manifest.sun.as_ref())
             .map(|(direction, sun)| (direction, sun.radius_deg.to_radians()));
-        let made = source.as_ref().filter(|s| s.status == Freshness::Reuse).and_then(|s| s.folder.as_ref());
+        let made = source.as_ref().filter(|s| s.status == FitFreshness::Reuse).and_then(|s| s.folder.as_ref());
         if let Some(folder) = made {
             out.fitted = Some(
                 ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || LeafFit::open(folder))?.called(&leaf.name),
@@ -106,18 +106,18 @@ impl Leaf {
             out.mesh_path = given.map_or_else(own, |m| manifest.resolve(m));
             if placed {
                 let mesh = out.blade(manifest, ledger)?;
-                let mine: Vec<&Placement> = placements.iter().filter(|p| p.leaf == index).collect();
+                let mine: Vec<&LeafPlacement> = placements.iter().filter(|p| p.leaf == index).collect();
                 let views: Vec<(DVec3, f64)> =
                     perspective().filter_map(|v| Some((v.eye_mm?.into(), manifest.time_of(v)))).collect();
                 out.facing = if search.free {
-                    Facing::ALL
+                    VisibleSides::ALL
                 } else {
                     seen(manifest, &leaf.name, &mesh, &mine, moves, &views, sun)?
                 };
                 out.mesh = Some(mesh);
             }
         } else if placed {
-            out.facing = Facing { seen: [true; 2], lit: [sun.is_some(); 2], through: [sun.is_some(); 2] };
+            out.facing = VisibleSides { seen: [true; 2], lit: [sun.is_some(); 2], through: [sun.is_some(); 2] };
         }
         out.source = source;
         if placed {
@@ -126,7 +126,7 @@ impl Leaf {
         for card in shown_by(ViewKind::Card) {
             let (turn, at) =
                 (placement::rotation(card.rotation_deg.unwrap_or_default()), card.target_mm.unwrap_or_default());
-            let p = Placement {
+            let p = LeafPlacement {
                 leaf: index,
                 transform: glam::DMat4::from_rotation_translation(turn, at.into()),
                 section: None,
@@ -137,17 +137,17 @@ impl Leaf {
         Ok(out)
     }
 
-    fn blade(&self, manifest: &Manifest, ledger: &Ledger) -> Result<LeafMesh> {
+    fn blade(&self, manifest: &SceneManifest, ledger: &Ledger) -> Result<LeafMesh> {
         let leaf = &manifest.leaves[self.index];
         let bytes = std::fs::metadata(&self.mesh_path).map_or(0, |m| m.len());
         let name = format!("{}/{}", leaf.name, self.mesh_name());
         let mesh = ledger.note("read", name, bytes, || match leaf.discs {
-            Some(_) => mesh::read_discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(Unit::Metre)),
+            Some(_) => mesh::read_discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(LengthUnit::Metre)),
             None if leaf.part.is_some() => blades_of(&self.mesh_path, leaf.part.as_deref().unwrap_or_default()),
             None if leaf.uniform.is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
             None => mesh::read(&self.mesh_path, leaf.mesh_unit),
         })?;
-        if leaf.mesh.is_none() || leaf.part.is_some() || leaf.mesh_up.unwrap_or_else(|| up(&mesh)) == Up::Z {
+        if leaf.mesh.is_none() || leaf.part.is_some() || leaf.mesh_up.unwrap_or_else(|| up(&mesh)) == UpAxis::Z {
             return Ok(mesh);
         }
         let mut turned = LeafMesh::default();
@@ -156,8 +156,8 @@ impl Leaf {
     }
 
     /// The source of its ρd and ρt: what the scene asks of a fit, and maps of a stated look, which has nothing else.
-    pub fn interior(&self, config: &Config) -> Interior {
-        if self.fitted.as_ref().is_some_and(LeafFit::is_stated) { Interior::Maps } else { config.interior }
+    pub fn interior(&self, config: &Config) -> InteriorSource {
+        if self.fitted.as_ref().is_some_and(LeafFit::is_stated) { InteriorSource::Maps } else { config.interior }
     }
 
     /// File name of its mesh.
@@ -168,7 +168,7 @@ impl Leaf {
 
 /// The axis of a mesh's file that points up in a scene which does not say so: glTF's y, but for a blade, which lies in
 /// the plane of x and y with its front along z. A blade is what faces z by more than three fifths of its area.
-fn up(mesh: &LeafMesh) -> Up {
+fn up(mesh: &LeafMesh) -> UpAxis {
     let (mut along, mut whole) = (0.0, 0.0);
     for t in 0..mesh.triangles() {
         let [a, b, c] = mesh.triangle(t).map(|k| mesh.positions[k]);
@@ -176,14 +176,14 @@ fn up(mesh: &LeafMesh) -> Up {
         whole += n.length();
         along += n.z * n.normalize_or_zero().z;
     }
-    if along > 0.6 * whole { Up::Z } else { Up::Y }
+    if along > 0.6 * whole { UpAxis::Z } else { UpAxis::Y }
 }
 
 /// The blades of one material, from a plant's file or from a description that is grown. Of a file without branches they
 /// are all triangles of the material.
 fn blades_of(path: &Path, material: &str) -> Result<LeafMesh> {
     let described = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let plant = if described { Some(grow::described(path, None)?) } else { file::branched(path)? };
+    let plant = if described { Some(growth::described(path, None)?) } else { file::branched(path)? };
     let (mesh, known): (LeafMesh, BTreeSet<String>) = match plant {
         Some(plant) => {
             let triangles = plant.triangles_of(material);
@@ -207,17 +207,17 @@ fn blades_of(path: &Path, material: &str) -> Result<LeafMesh> {
 
 /// The sides of one leaf that the views (eye and time) see over all its placements.
 fn seen(
-    manifest: &Manifest,
+    manifest: &SceneManifest,
     name: &str,
     mesh: &LeafMesh,
-    placements: &[&Placement],
-    moves: Moves,
+    placements: &[&LeafPlacement],
+    moves: SceneMotion,
     views: &[(DVec3, f64)],
     sun: Option<(DVec3, f64)>,
-) -> Result<Facing> {
-    let mut facing = Facing::default();
-    let bar = Bar::new(format!("which sides of {name} are seen and lit"), placements.len() as u64);
-    let bends = |p: &Placement| moves.any() && p.section.is_some();
+) -> Result<VisibleSides> {
+    let mut facing = VisibleSides::default();
+    let bar = TaskProgress::new(format!("which sides of {name} are seen and lit"), placements.len() as u64);
+    let bends = |p: &LeafPlacement| moves.any() && p.section.is_some();
     // Moving placements are tested time by time, because plants are posed once for each time.
     for (eye, time) in views {
         for p in placements.iter().filter(|p| bends(p)) {

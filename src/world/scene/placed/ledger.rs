@@ -6,7 +6,7 @@ use std::time::Instant;
 
 /// One action.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Entry {
+pub struct LedgerEntry {
     /// Kind of the action: `fit`, `read`, `look for faults`, `curve`, `solve`, …
     pub action: &'static str,
     /// Its object, for example `elm/front.exr`.
@@ -19,7 +19,7 @@ pub struct Entry {
 
 /// A list of actions, which all workers share.
 #[derive(Debug, Default)]
-pub struct Ledger(Mutex<Vec<Entry>>);
+pub struct Ledger(Mutex<Vec<LedgerEntry>>);
 
 impl Ledger {
     /// An empty list.
@@ -31,7 +31,7 @@ impl Ledger {
     pub fn note<T>(&self, action: &'static str, what: impl Into<String>, bytes: u64, body: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let out = body();
-        let entry = Entry { action, what: what.into(), bytes, ms: start.elapsed().as_secs_f64() * 1e3 };
+        let entry = LedgerEntry { action, what: what.into(), bytes, ms: start.elapsed().as_secs_f64() * 1e3 };
         if let Ok(mut list) = self.0.lock() {
             list.push(entry);
         }
@@ -39,7 +39,7 @@ impl Ledger {
     }
 
     /// A copy of the list, in the order in which actions were finished.
-    pub fn entries(&self) -> Vec<Entry> {
+    pub fn entries(&self) -> Vec<LedgerEntry> {
         self.0.lock().map(|l| l.clone()).unwrap_or_default()
     }
 

@@ -6,82 +6,82 @@
 #![warn(missing_docs)]
 
 pub mod daylight;
-pub mod facing;
 pub mod fits;
 pub mod flutter;
 pub mod grass;
+pub mod lawn_lean;
 pub mod leaf;
-pub mod leaning;
 pub mod ledger;
-pub mod moves;
+pub mod motion;
 pub mod overrides;
 pub mod placement;
 pub mod plant;
-pub mod posed;
+pub mod poses;
 pub mod sections;
-pub mod sways;
+pub mod sway;
+pub mod visible_sides;
 pub mod winds;
 
 pub(crate) use mesophyll_base::error::{Error, Result};
 
-use crate::manifest::{Ground, Manifest, ViewKind};
-use crate::placed::fits::missing;
-use crate::placed::fits::source::Freshness;
-use crate::placed::fits::translucency::Translucent;
+use crate::manifest::{SceneGround, SceneManifest, ViewKind};
+use crate::placed::fits::maker;
+use crate::placed::fits::source::FitFreshness;
+use crate::placed::fits::translucency::PlacedTranslucency;
 use crate::placed::ledger::Ledger;
 use glam::{DVec2, DVec3};
-use leaf::{Leaf, Search};
+use leaf::{LeafSearch, PlacedLeaf};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fits::grass::hill::Hill;
-use moves::Moves;
-use placement::Placement;
-use plant::{Planted, Wood};
+use motion::SceneMotion;
+use placement::LeafPlacement;
+use plant::{PlacedPlant, PlacedWood};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use winds::Winds;
+use winds::SwayingPlants;
 
 /// A scene's leaves and wood at their places.
 #[derive(Debug)]
-pub struct Placed {
+pub struct PlacedScene {
     /// The leaves, in the manifest's order.
-    pub leaves: Vec<Leaf>,
+    pub leaves: Vec<PlacedLeaf>,
     /// The placements of leaves at rest.
-    pub placements: Vec<Placement>,
+    pub placements: Vec<LeafPlacement>,
     /// The places of the cameras of perspective views.
     pub eyes: Vec<DVec3>,
     /// The wood of plants.
-    pub wood: Vec<Wood>,
+    pub wood: Vec<PlacedWood>,
     /// For every shape of a plant's blades, the plant's name and what [`Planted::shapes`] says of it.
     pub shapes: Vec<(String, (usize, f64, [f64; 2]))>,
     /// Lawns on the ground.
-    pub grass: Vec<grass::Grass>,
+    pub grass: Vec<grass::PlacedLawn>,
     /// The ground and its reflectance.
     pub ground: Option<(LeafMesh, [f64; 3])>,
     /// The plants that move; `None` where none does.
-    pub winds: Option<Arc<Winds>>,
+    pub winds: Option<Arc<SwayingPlants>>,
     /// Whether this is for a window, where camera, sun and sliders are free.
     pub free: bool,
     /// A run's folder with its own fits, among them that of light between leaves.
     pub out: Option<PathBuf>,
 }
 
-impl Placed {
+impl PlacedScene {
     /// Searches for everything that the scene shows.
     ///
     /// # Errors
     /// [`crate::placed::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch
     /// whose load bends it too far.
-    pub fn new(manifest: &Manifest, search: Search, ledger: &Ledger) -> Result<Placed> {
+    pub fn new(manifest: &SceneManifest, search: LeafSearch, ledger: &Ledger) -> Result<PlacedScene> {
         let planted = plant::planted(manifest, ledger)?;
         let Standing { placements, wood, winds } = stand(manifest, &planted, ledger)?;
         let shapes = planted.iter().flat_map(|p| p.shapes().map(move |shape| (p.name.clone(), shape))).collect();
         let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
         let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
-        let moves = Moves { winds: winds.as_deref(), grass: false };
+        let moves = SceneMotion { winds: winds.as_deref(), grass: false };
         let leaves = (0..manifest.leaves.len())
-            .map(|k| Leaf::find(manifest, (&placements, moves), k, search, ledger))
+            .map(|k| PlacedLeaf::find(manifest, (&placements, moves), k, search, ledger))
             .collect::<Result<_>>()?;
-        Ok(Placed {
+        Ok(PlacedScene {
             leaves,
             placements,
             eyes,
@@ -99,20 +99,20 @@ impl Placed {
     ///
     /// # Errors
     /// As [`Winds::new`].
-    pub fn replant(&mut self, manifest: &Manifest, plants: &[Planted], ledger: &Ledger) -> Result<()> {
+    pub fn replant(&mut self, manifest: &SceneManifest, plants: &[PlacedPlant], ledger: &Ledger) -> Result<()> {
         let Standing { placements, wood, winds } = stand(manifest, plants, ledger)?;
         (self.placements, self.wood, self.winds) = (placements, wood, winds);
         Ok(())
     }
 
     /// Everything that moves.
-    pub fn moves(&self) -> Moves<'_> {
+    pub fn moves(&self) -> SceneMotion<'_> {
         let grass = self.grass.iter().any(|lawn| lawn.leaning.is_some());
-        Moves { winds: self.winds.as_deref(), grass }
+        SceneMotion { winds: self.winds.as_deref(), grass }
     }
 
     /// A placement at a time (s), moved with its plant.
-    pub fn at_time(&self, placement: &Placement, time: f64) -> Placement {
+    pub fn at_time(&self, placement: &LeafPlacement, time: f64) -> LeafPlacement {
         self.moves().placement(placement, time)
     }
 
@@ -122,10 +122,10 @@ impl Placed {
     }
 
     /// Leaves that have their own fits, but whose translucency maps must be made before anything can be drawn.
-    pub fn untranslucent(&self, manifest: &Manifest) -> Vec<usize> {
-        let lacks = |l: &&Leaf| {
+    pub fn untranslucent(&self, manifest: &SceneManifest) -> Vec<usize> {
+        let lacks = |l: &&PlacedLeaf| {
             let lit_through = manifest.sun.is_some() && l.facing.through.contains(&true);
-            let made = |t: &Translucent| t.source.status == Freshness::Reuse;
+            let made = |t: &PlacedTranslucency| t.source.status == FitFreshness::Reuse;
             l.fitted.is_some() && lit_through && l.translucent.as_ref().is_some_and(|t| !made(t))
         };
         self.leaves.iter().filter(lacks).map(|l| l.index).collect()
@@ -135,10 +135,16 @@ impl Placed {
     ///
     /// # Errors
     /// As [`Placed::new`].
-    pub fn find_again(&mut self, manifest: &Manifest, index: usize, search: Search, ledger: &Ledger) -> Result<()> {
-        let moves = Moves { winds: self.winds.as_deref(), grass: false };
+    pub fn find_again(
+        &mut self,
+        manifest: &SceneManifest,
+        index: usize,
+        search: LeafSearch,
+        ledger: &Ledger,
+    ) -> Result<()> {
+        let moves = SceneMotion { winds: self.winds.as_deref(), grass: false };
         let world = (self.placements.as_slice(), moves);
-        self.leaves[index] = Leaf::find(manifest, world, index, search, ledger)?;
+        self.leaves[index] = PlacedLeaf::find(manifest, world, index, search, ledger)?;
         Ok(())
     }
 
@@ -151,10 +157,16 @@ impl Placed {
     ///
     /// # Errors
     /// As [`missing::fit`].
-    pub fn make_looks(&mut self, manifest: &Manifest, out: &Path, search: Search, ledger: &Ledger) -> Result<()> {
+    pub fn make_looks(
+        &mut self,
+        manifest: &SceneManifest,
+        out: &Path,
+        search: LeafSearch,
+        ledger: &Ledger,
+    ) -> Result<()> {
         for index in self.unfitted().into_iter().filter(|k| manifest.leaves[*k].look.is_some()) {
-            missing::fit(manifest, index, out, &missing::fit_folder(manifest, index, out), false, ledger)?;
-            self.find_again(manifest, index, Search { out: Some(out), ..search }, ledger)?;
+            maker::fit(manifest, index, out, &maker::fit_folder(manifest, index, out), false, ledger)?;
+            self.find_again(manifest, index, LeafSearch { out: Some(out), ..search }, ledger)?;
         }
         Ok(())
     }
@@ -165,16 +177,16 @@ impl Placed {
     /// As `fit translucency`.
     pub fn make_translucency(
         &mut self,
-        manifest: &Manifest,
+        manifest: &SceneManifest,
         out: &Path,
-        search: Search,
+        search: LeafSearch,
         ledger: &Ledger,
     ) -> Result<()> {
         for index in self.untranslucent(manifest) {
             if let Some(fitted) = &self.leaves[index].fitted {
-                missing::translucency(manifest, index, &fitted.folder, out, ledger)?;
+                maker::translucency(manifest, index, &fitted.folder, out, ledger)?;
             }
-            self.find_again(manifest, index, Search { out: Some(out), ..search }, ledger)?;
+            self.find_again(manifest, index, LeafSearch { out: Some(out), ..search }, ledger)?;
         }
         Ok(())
     }
@@ -182,22 +194,22 @@ impl Placed {
 
 /// Plants and single leaves at their places.
 struct Standing {
-    placements: Vec<Placement>,
-    wood: Vec<Wood>,
-    winds: Option<Arc<Winds>>,
+    placements: Vec<LeafPlacement>,
+    wood: Vec<PlacedWood>,
+    winds: Option<Arc<SwayingPlants>>,
 }
 
 /// Places the scene's single leaves and its plants.
-fn stand(manifest: &Manifest, plants: &[Planted], ledger: &Ledger) -> Result<Standing> {
+fn stand(manifest: &SceneManifest, plants: &[PlacedPlant], ledger: &Ledger) -> Result<Standing> {
     let mut placements = placement::placements(manifest);
-    let winds = Winds::new(manifest, plants, ledger)?.map(Arc::new);
+    let winds = SwayingPlants::new(manifest, plants, ledger)?.map(Arc::new);
     let swaying = |k: usize| winds.as_ref().and_then(|w| w.plants[k].as_ref());
     let mut wood = Vec::new();
     for (k, plant) in plants.iter().enumerate() {
         let leaves = plant.plant.leaves.len();
         placements.extend(plant.placements().enumerate().map(|(i, rest)| {
             let section = swaying(k).map(|s| s.sections.of_leaf(i / leaves, i % leaves));
-            Placement { section, ..rest }
+            LeafPlacement { section, ..rest }
         }));
         wood.extend(swaying(k).map_or_else(|| plant.wood(), |s| s.sections.wood(plant.wood())));
     }
@@ -209,7 +221,7 @@ fn stand(manifest: &Manifest, plants: &[Planted], ledger: &Ledger) -> Result<Sta
 const CELLS: usize = 48;
 
 /// The ground as a rectangle.
-fn level(manifest: &Manifest, ground: &Ground) -> LeafMesh {
+fn level(manifest: &SceneManifest, ground: &SceneGround) -> LeafMesh {
     let side = 2.0 * ground.reach_mm.unwrap_or_default();
     let [x, y] = manifest.periodic.as_ref().map_or([side; 2], |p| p.size_mm);
     let mut mesh = LeafMesh::rectangle(x, y);

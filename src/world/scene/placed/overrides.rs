@@ -1,7 +1,7 @@
 //! What a scene states about single branches of a plant instead of the plant's file: a measured taper and load, and how
 //! the wind moves them. H9 Fig. 4.17 changes the same quantities for a level and for one branch.
 
-use crate::manifest::{BranchOverride, Manifest};
+use crate::manifest::{BranchOverride, SceneManifest};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use mesophyll_fits::record::FitRecord;
@@ -17,7 +17,7 @@ const LISTED: usize = 8;
 /// # Errors
 /// [`Error::Input`] for a branch or level that the plant lacks, and for a fit that cannot be read or that did not
 /// determine a needed quantity.
-pub fn apply(manifest: &Manifest, index: usize, plant: &mut Plant, ledger: &Ledger) -> Result<()> {
+pub fn apply(manifest: &SceneManifest, index: usize, plant: &mut Plant, ledger: &Ledger) -> Result<()> {
     let (levels, names): (Vec<_>, Vec<_>) = manifest.plants[index].branches.iter().partition(|o| o.level.is_some());
     for own in levels.into_iter().chain(names) {
         let mine = |b: &mesophyll_plants::form::Branch| match (&own.name, own.level) {
@@ -53,7 +53,7 @@ pub fn apply(manifest: &Manifest, index: usize, plant: &mut Plant, ledger: &Ledg
 }
 
 /// The error for a branch or level that the plant lacks.
-fn unknown(manifest: &Manifest, index: usize, plant: &Plant, own: &BranchOverride) -> Error {
+fn unknown(manifest: &SceneManifest, index: usize, plant: &Plant, own: &BranchOverride) -> Error {
     let (key, found, expected) = match (&own.name, own.level) {
         (Some(name), _) => {
             let mut names: Vec<&str> = plant.branches.iter().take(LISTED).map(|b| b.name.as_str()).collect();
@@ -71,7 +71,7 @@ fn unknown(manifest: &Manifest, index: usize, plant: &Plant, own: &BranchOverrid
 }
 
 /// Taper and load of a measured branch.
-fn fitted(manifest: &Manifest, own: &BranchOverride, folder: &Path, ledger: &Ledger) -> Result<(f64, f64)> {
+fn fitted(manifest: &SceneManifest, own: &BranchOverride, folder: &Path, ledger: &Ledger) -> Result<(f64, f64)> {
     let measured = own.measured.as_ref().or(own.name.as_ref()).map_or("", String::as_str);
     let record = ledger.note("read", format!("{measured}/fit.toml"), 0, || FitRecord::read(folder))?;
     let name = format!("branch {measured}");

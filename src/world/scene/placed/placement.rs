@@ -1,11 +1,11 @@
 //! The placements of single leaves. Those of plants ([`super::plant`]) follow them. Lengths are in mm.
 
-use crate::manifest::Manifest;
+use crate::manifest::SceneManifest;
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 
 /// One leaf at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Placement {
+pub struct LeafPlacement {
     /// Index into the manifest's leaves.
     pub leaf: usize,
     /// The transform from the leaf to the world. It is that at rest if something moves the leaf.
@@ -16,11 +16,11 @@ pub struct Placement {
 }
 
 /// The scene's single leaves, in the manifest's order.
-pub fn placements(manifest: &Manifest) -> Vec<Placement> {
-    let placed = |i: &crate::manifest::Instance| {
+pub fn placements(manifest: &SceneManifest) -> Vec<LeafPlacement> {
+    let placed = |i: &crate::manifest::SceneInstance| {
         let (turn, place) = (rotation(i.rotation_deg), DVec3::from(i.position_mm));
         let transform = DMat4::from_scale_rotation_translation(DVec3::splat(i.scale), turn, place);
-        manifest.leaf_index(&i.leaf).map(|leaf| Placement { leaf, transform, section: None })
+        manifest.leaf_index(&i.leaf).map(|leaf| LeafPlacement { leaf, transform, section: None })
     };
     manifest.instances.iter().filter_map(placed).collect()
 }

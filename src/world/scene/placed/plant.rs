@@ -6,15 +6,15 @@
 //! plant gives the blade.
 
 use super::overrides;
-use super::placement::{Placement, rotation};
-use super::sections::Bark;
-use crate::manifest::{Manifest, Matter};
+use super::placement::{LeafPlacement, rotation};
+use super::sections::BarkMotion;
+use crate::manifest::{SceneManifest, SceneMaterial};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_plants::form::{Branch, Plant};
-use mesophyll_plants::grow::described;
+use mesophyll_plants::growth::described;
 use mesophyll_plants::import;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -26,7 +26,7 @@ const MOST_LEAVES: usize = 8_000_000;
 
 /// Wood in the scene.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wood {
+pub struct PlacedWood {
     /// Name of the wood in printed text.
     pub name: String,
     /// Its triangles.
@@ -36,12 +36,12 @@ pub struct Wood {
     /// The transform from mesh to world, for every place where it stands.
     pub places: Vec<DMat4>,
     /// How its vertices are carried, where something moves it. It then stands at one place only.
-    pub bark_moves: Option<Bark>,
+    pub bark_moves: Option<BarkMotion>,
 }
 
 /// A `[[plant]]` of the manifest.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Planted {
+pub struct PlacedPlant {
     /// Name of the plant in printed text.
     pub name: String,
     /// Number of plants of the same name before it, and whether there are other plants of this name at all.
@@ -62,8 +62,8 @@ pub struct Planted {
 /// # Errors
 /// [`Error::Input`] for a file, a description or a fit of a branch that cannot be read, a material that the scene does
 /// not map, a mapped material that the plant lacks, or too many leaves.
-pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
-    let mut out: Vec<Planted> = Vec::new();
+pub fn planted(manifest: &SceneManifest, ledger: &Ledger) -> Result<Vec<PlacedPlant>> {
+    let mut out: Vec<PlacedPlant> = Vec::new();
     let mut total = 0;
     for (index, said) in manifest.plants.iter().enumerate() {
         let (source, mut plant) = match (&said.file, &said.grow) {
@@ -71,8 +71,8 @@ pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
                 let path = manifest.resolve(file);
                 let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
                 let known = |material: &str| match said.materials.get(material)? {
-                    Matter::Leaf(_) => Some(import::Matter::Leaf),
-                    Matter::Bark(_) => Some(import::Matter::Wood),
+                    SceneMaterial::Leaf(_) => Some(import::MaterialClass::Leaf),
+                    SceneMaterial::Bark(_) => Some(import::MaterialClass::Wood),
                 };
                 let plant = ledger.note("read", file.display().to_string(), bytes, || {
                     mesophyll_plants::file::read_any(&path, &known)
@@ -101,7 +101,7 @@ pub fn planted(manifest: &Manifest, ledger: &Ledger) -> Result<Vec<Planted>> {
         out.push(one);
     }
     for k in 0..out.len() {
-        let same = |p: &&Planted| p.name == out[k].name;
+        let same = |p: &&PlacedPlant| p.name == out[k].name;
         let before = out[..k].iter().filter(same).map(|p| p.places.len()).sum();
         out[k].same = (before, out.iter().filter(same).count() > 1);
     }
@@ -120,20 +120,20 @@ fn field(index: usize, key: &str) -> String {
 }
 
 fn one(
-    manifest: &Manifest,
+    manifest: &SceneManifest,
     index: usize,
-    said: &crate::manifest::Plant,
+    said: &crate::manifest::StatedPlant,
     name: String,
     mut plant: Plant,
-) -> Result<Planted> {
+) -> Result<PlacedPlant> {
     let wrong = |what: String| Error::field(&manifest.path, &field(index, "materials"), what);
     let mut used = BTreeSet::new();
     let mut leaves = Vec::new();
     for blade in &plant.blades {
         used.insert(blade.material.clone());
         match said.materials.get(&blade.material) {
-            Some(Matter::Leaf(leaf)) => leaves.extend(manifest.leaf_index(leaf)),
-            Some(Matter::Bark(_)) => {
+            Some(SceneMaterial::Leaf(leaf)) => leaves.extend(manifest.leaf_index(leaf)),
+            Some(SceneMaterial::Bark(_)) => {
                 return Err(wrong(format!("\"{}\" is a blade's material, expected a leaf's name", blade.material)));
             }
             None => return Err(wrong(format!("the plant's material \"{}\" maps to no leaf", blade.material))),
@@ -146,8 +146,8 @@ fn one(
         }
         used.insert(branch.material.clone());
         match said.materials.get(&branch.material) {
-            Some(Matter::Bark(bark)) => barks.push((branch.material.clone(), *bark)),
-            Some(Matter::Leaf(_)) => {
+            Some(SceneMaterial::Bark(bark)) => barks.push((branch.material.clone(), *bark)),
+            Some(SceneMaterial::Leaf(_)) => {
                 return Err(wrong(format!("\"{}\" is the bark's material, expected [r, g, b]", branch.material)));
             }
             None => return Err(wrong(format!("the plant's material \"{}\" maps to no bark", branch.material))),
@@ -158,7 +158,7 @@ fn one(
         return Err(wrong(format!("found \"{unused}\", expected a material of the plant ({})", known.join(", "))));
     }
     sized(&mut plant, said.leaf_scale);
-    Ok(Planted { name, same: (0, false), plant, places: places(said), leaves, barks, leaf_scale: said.leaf_scale })
+    Ok(PlacedPlant { name, same: (0, false), plant, places: places(said), leaves, barks, leaf_scale: said.leaf_scale })
 }
 
 /// Draws leaves `factor` times as large in place of blades, which themselves stay as they are.
@@ -171,7 +171,7 @@ fn sized(plant: &mut Plant, factor: f64) {
 
 /// The transforms of a plant: one, or several that are spread over an area, each turned about the vertical. Random
 /// places keep a distance from those before them.
-fn places(said: &crate::manifest::Plant) -> Vec<DMat4> {
+fn places(said: &crate::manifest::StatedPlant) -> Vec<DMat4> {
     let at = DVec3::from(said.position_mm);
     let own = |offset: DVec3, azimuth: f64| {
         DMat4::from_translation(at + offset)
@@ -200,7 +200,7 @@ fn places(said: &crate::manifest::Plant) -> Vec<DMat4> {
     out
 }
 
-impl Planted {
+impl PlacedPlant {
     /// The name of the plant at a place. It has a number, counted from 1, where several plants in the scene have this
     /// name.
     pub fn name_at(&self, place: usize) -> String {
@@ -212,9 +212,9 @@ impl Planted {
     }
 
     /// Its leaves at all its places.
-    pub fn placements(&self) -> impl Iterator<Item = Placement> {
+    pub fn placements(&self) -> impl Iterator<Item = LeafPlacement> {
         self.places.iter().flat_map(|place| {
-            self.plant.leaves.iter().map(|leaf| Placement {
+            self.plant.leaves.iter().map(|leaf| LeafPlacement {
                 leaf: self.leaves[leaf.blade],
                 transform: *place * leaf.transform,
                 section: None,
@@ -249,7 +249,7 @@ impl Planted {
     }
 
     /// Its wood, with one mesh for each material.
-    pub fn wood(&self) -> Vec<Wood> {
+    pub fn wood(&self) -> Vec<PlacedWood> {
         self.barks
             .iter()
             .map(|(material, bark)| {
@@ -257,7 +257,7 @@ impl Planted {
                 for (_, branch) in self.made_of(material) {
                     mesh.append(&branch.wood, branch.frame());
                 }
-                Wood {
+                PlacedWood {
                     name: format!("{} {material}", self.name),
                     mesh,
                     bark: *bark,

@@ -1,12 +1,12 @@
 //! The cross-sections of a plant's branches that carry something: one for each leaf, and those of the bark's vertices.
 //! Both renderers move plants by these alone.
 
-use super::plant::{Planted, Wood};
+use super::plant::{PlacedPlant, PlacedWood};
 use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_plants::form::Joint;
-use mesophyll_plants::pose::bark::Carriers;
-use mesophyll_plants::pose::{Pose, Rigid};
+use mesophyll_plants::pose::bark::BarkCarriers;
+use mesophyll_plants::pose::{Pose, RigidMotion};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ const SHARE: usize = 256;
 
 /// The sections of one plant, which are the same at each of its places.
 #[derive(Debug)]
-pub struct Sections {
+pub struct PlantSections {
     /// Branch and share of its axis: those of the leaves in their order, then those of the bark.
     on: Vec<(usize, f64)>,
     leaves: usize,
@@ -28,21 +28,21 @@ pub struct Sections {
 
 /// How the bark of a plant that moves is carried.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bark {
+pub struct BarkMotion {
     /// Number of the plant's first section among those of the scene.
     pub first: usize,
     /// The section of each vertex, counted from there.
     pub of_vertices: Arc<Vec<u32>>,
 }
 
-impl Sections {
+impl PlantSections {
     /// The sections of a plant. They follow the `first` sections of the scene.
-    pub fn new(planted: &Planted, first: usize) -> Sections {
+    pub fn new(planted: &PlacedPlant, first: usize) -> PlantSections {
         let mut on: Vec<(usize, f64)> = planted.plant.leaves.iter().map(|l| (l.joint.branch, l.joint.at)).collect();
         let bark = planted.barks().map(|branches| {
             let mut of_vertices = Vec::new();
             for (k, branch) in branches {
-                let own = Carriers::new(branch);
+                let own = BarkCarriers::new(branch);
                 let first = on.len() as u32;
                 on.extend(own.at.iter().map(|at| (k, *at)));
                 of_vertices.extend(own.of_vertices.iter().map(|section| first + section));
@@ -50,7 +50,7 @@ impl Sections {
             Arc::new(of_vertices)
         });
         let bark = bark.collect();
-        Sections { on, leaves: planted.plant.leaves.len(), bark, first, places: planted.places.clone() }
+        PlantSections { on, leaves: planted.plant.leaves.len(), bark, first, places: planted.places.clone() }
     }
 
     /// Branch and share of its axis of every section of a place. Those of the leaves come first, in the leaves' order.
@@ -74,7 +74,7 @@ impl Sections {
     }
 
     /// The motions from rest of the sections of a place in a pose, in world space.
-    pub fn at(&self, place: usize, pose: &Pose) -> Vec<Rigid> {
+    pub fn at(&self, place: usize, pose: &Pose) -> Vec<RigidMotion> {
         let to_world = self.places[place];
         let own = |(k, (branch, at)): (usize, &(usize, f64))| match k < self.leaves {
             true => pose.leaf(k, Joint { branch: *branch, at: *at }),
@@ -85,22 +85,22 @@ impl Sections {
     }
 
     /// The plant's wood, separate for every place, because each bends differently.
-    pub fn wood(&self, rest: Vec<Wood>) -> Vec<Wood> {
+    pub fn wood(&self, rest: Vec<PlacedWood>) -> Vec<PlacedWood> {
         let at = |(k, place): (usize, &DMat4)| {
             let first = self.of_leaf(k, 0);
             let wood = rest.iter().zip(&self.bark).map(|(wood, of_vertices)| {
-                let bark = Some(Bark { first, of_vertices: of_vertices.clone() });
-                Wood { places: vec![*place], bark_moves: bark, ..wood.clone() }
+                let bark = Some(BarkMotion { first, of_vertices: of_vertices.clone() });
+                PlacedWood { places: vec![*place], bark_moves: bark, ..wood.clone() }
             });
-            wood.collect::<Vec<Wood>>()
+            wood.collect::<Vec<PlacedWood>>()
         };
         self.places.iter().enumerate().flat_map(at).collect()
     }
 }
 
-impl Wood {
+impl PlacedWood {
     /// Its mesh in its own frame, moved by the scene's sections; `None` where none carries it.
-    pub fn moved(&self, sections: &[Rigid]) -> Option<LeafMesh> {
+    pub fn moved(&self, sections: &[RigidMotion]) -> Option<LeafMesh> {
         let (bark, place) = (self.bark_moves.as_ref()?, self.places.first()?);
         let back = place.inverse();
         let mut mesh = self.mesh.clone();

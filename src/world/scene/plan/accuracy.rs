@@ -5,7 +5,7 @@ use std::time::Instant;
 
 /// One setting, with its cost and its error.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Row {
+pub struct AccuracyRow {
     /// The setting: number of curve points, texels along a block, or number of shadow maps.
     pub setting: usize,
     /// The error: relative for a curve, of a displayed value (0 to 1) for maps and shadows.
@@ -19,7 +19,7 @@ pub struct Row {
 /// Error of `n` hard shadows that are spread over the sun's disk, compared with the disk itself. It is the root mean
 /// square over the penumbra of a straight edge, times the displayed `contrast` between sun and shade, and times the
 /// root of the `share` of the picture that is in penumbra.
-pub fn shadow_samples(contrast: f64, share: f64, map_bytes: u64) -> Vec<Row> {
+pub fn shadow_samples(contrast: f64, share: f64, map_bytes: u64) -> Vec<AccuracyRow> {
     [1usize, 4, 8, 16, 32, 64]
         .into_iter()
         .map(|n| {
@@ -43,7 +43,7 @@ pub fn shadow_samples(contrast: f64, share: f64, map_bytes: u64) -> Vec<Row> {
                 }
             }
             let rms = (sum / f64::from(count)).sqrt();
-            Row {
+            AccuracyRow {
                 setting: n,
                 error: rms * contrast * share.sqrt(),
                 ms: start.elapsed().as_secs_f64() * 1e3,
@@ -54,7 +54,7 @@ pub fn shadow_samples(contrast: f64, share: f64, map_bytes: u64) -> Vec<Row> {
 }
 
 /// The row with the fewest bytes among those within `allowed`; if there is none, the most accurate row.
-pub fn cheapest(rows: &[Row], allowed: f64) -> Option<Row> {
+pub fn cheapest(rows: &[AccuracyRow], allowed: f64) -> Option<AccuracyRow> {
     let good = rows.iter().filter(|r| r.error <= allowed).min_by_key(|r| r.bytes);
     good.or_else(|| rows.iter().min_by(|a, b| a.error.total_cmp(&b.error))).copied()
 }

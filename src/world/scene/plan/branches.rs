@@ -1,17 +1,17 @@
 //! The plan of plants that move: beam fit, motion textures, and the sections that carry plants in the vertex stage.
 //! Each is needed only where something moves.
 
-use super::{LeftOut, Need, Plan};
-use crate::manifest::Manifest;
-use crate::placed::Placed;
+use super::{PlanNeed, PlanOmission, ScenePlan};
+use crate::manifest::SceneManifest;
+use crate::placed::PlacedScene;
 use crate::placed::flutter::TEXTURES;
 use crate::placed::ledger::Ledger;
-use crate::placed::sways::MOTION_SIDE;
+use crate::placed::sway::MOTION_SIDE;
 use mesophyll_fits::branch::beam::basis;
 use mesophyll_plants::mechanics::taper::TERMS;
 
 /// Lists what moving plants need, or the reason why they need nothing.
-pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &Ledger) {
+pub fn branches(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePlan, ledger: &Ledger) {
     measured(manifest, plan);
     let coefficients = (TERMS * (basis::DEGREE + 1) * 8) as u64;
     let texture = (MOTION_SIDE * MOTION_SIDE * 8) as u64;
@@ -23,46 +23,47 @@ pub fn branches(manifest: &Manifest, placed: &Placed, plan: &mut Plan, ledger: &
             (false, Some(_)) => "nothing bends: no branch has a load that bends it, and no plant moves in the wind",
         };
         let told = format!("{why}; no deformation in the vertex shader");
-        plan.leave_out(LeftOut::new("beam fit", told, coefficients, None));
-        plan.leave_out(LeftOut::new("motion texture", unswayed(manifest), texture, None));
+        plan.leave_out(PlanOmission::new("beam fit", told, coefficients, None));
+        plan.leave_out(PlanOmission::new("motion texture", unswayed(manifest), texture, None));
         if !manifest.plants.is_empty() {
             // A section takes three vectors of four numbers, and every vertex of bark has the number of its section.
             let vertices: usize = placed.wood.iter().map(|w| w.mesh.positions.len()).sum();
             let bytes = (4 * vertices + 48 * placed.placements.len()) as u64;
-            plan.leave_out(LeftOut::new("plants in the wind", why, bytes, None));
+            plan.leave_out(PlanOmission::new("plants in the wind", why, bytes, None));
         }
         return;
     };
     let bent = winds.plants.iter().flatten().map(|p| p.limbs.0.len()).sum::<usize>();
     let ms = ledger.entries().iter().find(|e| e.action == "fit" && e.what == "beam").map_or(0.0, |e| e.ms);
-    let mut need = Need::new("beam fit", "branches bend: four coefficients each, from one fit of all tapers");
+    let mut need = PlanNeed::new("beam fit", "branches bend: four coefficients each, from one fit of all tapers");
     need.amount = Some(format!("{bent} of {TERMS} numbers, {ms:.1} ms (measured)"));
     need.bytes = Some(coefficients);
     plan.need(need);
     let textures = winds.motions.len() + TEXTURES * winds.gusts.len();
     if textures > 0 {
-        let mut need = Need::new("motion texture", "plants sway: branches of about the same resonance share a texture");
+        let mut need =
+            PlanNeed::new("motion texture", "plants sway: branches of about the same resonance share a texture");
         need.amount = Some(format!("{textures} of {MOTION_SIDE}x{MOTION_SIDE} texels"));
         need.bytes = Some(textures as u64 * texture);
         plan.need(need);
     } else {
-        plan.leave_out(LeftOut::new("motion texture", unswayed(manifest), texture, None));
+        plan.leave_out(PlanOmission::new("motion texture", unswayed(manifest), texture, None));
     }
     let why = "plants move: the adapter poses their branches for each picture's time, and sections carry the rest in \
         the vertex stage";
-    let mut need = Need::new("plants in the wind", why);
+    let mut need = PlanNeed::new("plants in the wind", why);
     need.amount = Some(format!("{} sections", winds.section_count()));
     need.bytes = Some(48 * winds.section_count() as u64);
     plan.need(need);
     if manifest.wind.as_ref().is_some_and(|w| w.simplified) {
         let why = "the wind is simplified: surfaces are lit as if they had not turned, and lengths are corrected in \
             closed form";
-        plan.leave_out(LeftOut::new("turns of normals", why, 0, None));
+        plan.leave_out(PlanOmission::new("turns of normals", why, 0, None));
     }
 }
 
 /// Why no motion texture is needed.
-fn unswayed(manifest: &Manifest) -> &'static str {
+fn unswayed(manifest: &SceneManifest) -> &'static str {
     match &manifest.wind {
         None => "the scene has no wind; no deformation by it in the vertex shader either",
         Some(_) if manifest.plants.is_empty() => "the wind has no plant to sway",
@@ -71,7 +72,7 @@ fn unswayed(manifest: &Manifest) -> &'static str {
 }
 
 /// Branches of plants whose taper and load were measured.
-fn measured(manifest: &Manifest, plan: &mut Plan) {
+fn measured(manifest: &SceneManifest, plan: &mut ScenePlan) {
     for (k, plant) in manifest.plants.iter().enumerate() {
         for own in &plant.branches {
             let Some(fit) = &own.fit else { continue };
@@ -80,7 +81,7 @@ fn measured(manifest: &Manifest, plan: &mut Plan) {
                 (None, level) => format!("branches of level {}", level.unwrap_or(0)),
             };
             let why = format!("plant {}: taper and load as they were measured", k + 1);
-            let mut need = Need::new(called, why);
+            let mut need = PlanNeed::new(called, why);
             need.amount = Some(fit.display().to_string());
             plan.need(need);
         }

@@ -3,14 +3,14 @@
 //!
 //! Some decisions depend on figures that are measured when the maps are read ([`crate::loaded`]).
 
-use super::accuracy::Row;
-use super::{LeafPlan, LeftOut, Need, Plan, SideNeeds};
+use super::accuracy::AccuracyRow;
+use super::{LeafPlan, PlanNeed, PlanOmission, ScenePlan, SideNeeds};
 use crate::Result;
-use crate::manifest::{Interior, Manifest};
-use crate::placed::fits::reads::{self, GAMMA_DELTA, GLOSS, NORMAL, texture};
-use crate::placed::leaf::Leaf;
-use mesophyll_fits::leaf_folder::{BLADE, File, LeafFit};
-use mesophyll_fits::record::Times;
+use crate::manifest::{InteriorSource, SceneManifest};
+use crate::placed::fits::reader::{self, GAMMA_DELTA, GLOSS, NORMAL, texture};
+use crate::placed::leaf::PlacedLeaf;
+use mesophyll_fits::leaf_folder::{BLADE, LeafFit, LeafFitFile};
+use mesophyll_fits::record::FitTimes;
 use mesophyll_optics::side::Side;
 
 /// Bytes of a texel on the adapter: four floats.
@@ -29,7 +29,7 @@ fn texture_bytes(size: [usize; 2]) -> u64 {
 
 /// What a picture would lose without the translucency maps of one side, and the kind of these maps.
 #[derive(Debug, Clone, PartialEq)]
-pub struct WithoutMaps {
+pub struct MapLoss {
     /// Error of a displayed value: the 99th percentile over the texels.
     pub p99: f64,
     /// The largest error over the texels.
@@ -41,7 +41,7 @@ pub struct WithoutMaps {
 }
 
 /// The needs of each side, which follow from the leaf's placements.
-pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
+pub fn sides(manifest: &SceneManifest, leaf: &PlacedLeaf, free: bool) -> [SideNeeds; 2] {
     // With light between leaves, every side is lit by light that depends on direction.
     let between = manifest.transfer.is_some();
     let (sun, sky) = (manifest.sun.is_some(), manifest.sky.is_some() || between);
@@ -76,26 +76,31 @@ pub fn sides(manifest: &Manifest, leaf: &Leaf, free: bool) -> [SideNeeds; 2] {
     })
 }
 
-fn file_need(plan: &mut Plan, fitted: &LeafFit, file: &str, why: &str, of_fit: bool) {
-    let mut need = Need::new(format!("{}/{file}", fitted.name), why);
+fn file_need(plan: &mut ScenePlan, fitted: &LeafFit, file: &str, why: &str, of_fit: bool) {
+    let mut need = PlanNeed::new(format!("{}/{file}", fitted.name), why);
     if of_fit {
         need.hash = fitted.record.files.get(file).cloned();
-        need.bytes = Some(reads::bytes(fitted, file));
+        need.bytes = Some(reader::bytes(fitted, file));
     }
     plan.need(need);
 }
 
-impl Plan {
+impl ScenePlan {
     /// Lists the leaf's fit and its translucency maps as needed or left out.
-    pub(super) fn list_fits(&mut self, manifest: &Manifest, leaf: &Leaf) {
+    pub(super) fn list_fits(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf) {
         let name = &manifest.leaves[leaf.index].name;
         if !leaf.used {
             let folder = manifest.leaves[leaf.index].fit.as_ref().map(|f| manifest.resolve(f));
             let bytes = folder.as_ref().and_then(|f| std::fs::read_dir(f).ok()).map_or(0, |entries| {
                 entries.flatten().filter_map(|e| e.metadata().ok()).filter(|m| m.is_file()).map(|m| m.len()).sum()
             });
-            let ms = folder.as_ref().and_then(|f| Times::read(f).ok()).map(|t| t.total_s * 1e3);
-            self.leave_out(LeftOut::new(format!("fit {name}"), "no instance and no card shows this leaf", bytes, ms));
+            let ms = folder.as_ref().and_then(|f| FitTimes::read(f).ok()).map(|t| t.total_s * 1e3);
+            self.leave_out(PlanOmission::new(
+                format!("fit {name}"),
+                "no instance and no card shows this leaf",
+                bytes,
+                ms,
+            ));
             return;
         }
         let stated = manifest.leaves[leaf.index].look.is_some() || leaf.fitted.as_ref().is_some_and(LeafFit::is_stated);
@@ -108,13 +113,13 @@ impl Plan {
                 .map(|t| (format!("fit {name} translucency"), &t.source, t.fitted.as_ref())),
         ];
         for (name, source, fitted) in fits.into_iter().flatten() {
-            let mut need = Need::new(name, source.why.clone());
+            let mut need = PlanNeed::new(name, source.why.clone());
             need.status = Some(source.status);
             need.hash = fitted.map(|f| f.record.input_hash.clone());
             self.need(need);
         }
         for said in leaf.fitted.iter().flat_map(|f| f.record.stated()) {
-            self.need(Need::new(format!("{name}: stated, not fitted"), said));
+            self.need(PlanNeed::new(format!("{name}: stated, not fitted"), said));
         }
     }
 
@@ -122,7 +127,7 @@ impl Plan {
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a side that is needed and that the fit does not have.
-    pub fn shape(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &LeafFit) -> Result<()> {
+    pub fn shape(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, fitted: &LeafFit) -> Result<()> {
         let config = &manifest.leaves[leaf.index];
         for (side, needs) in Side::ALL.into_iter().zip(self.leaves[leaf.index].sides) {
             if needs.any() || needs.mean {
@@ -133,21 +138,21 @@ impl Plan {
             file_need(self, fitted, &leaf.mesh_name(), "the shape that is drawn", config.mesh.is_none());
         } else {
             let name = format!("{}/{BLADE}", config.name);
-            self.leave_out(LeftOut::new(name, "only a card shows this leaf", reads::bytes(fitted, BLADE), None));
+            self.leave_out(PlanOmission::new(name, "only a card shows this leaf", reader::bytes(fitted, BLADE), None));
         }
         Ok(())
     }
 
     /// Lists the parts of a fit that no picture needs.
     pub fn leave_out_errors(&mut self, fitted: &LeafFit) {
-        let bytes: u64 = Side::ALL.iter().map(|s| reads::bytes(fitted, &File::Errors.name(*s))).sum();
+        let bytes: u64 = Side::ALL.iter().map(|s| reader::bytes(fitted, &LeafFitFile::Errors.name(*s))).sum();
         let name = format!("{}: error maps and previews", fitted.name);
-        self.leave_out(LeftOut::new(name, "a picture needs no standard errors", bytes, None));
+        self.leave_out(PlanOmission::new(name, "a picture needs no standard errors", bytes, None));
     }
 
     /// Lists a slab curve, with the rows that were measured while it was refined.
-    pub fn curve(&mut self, what: String, rows: Vec<Row>) {
-        let mut need = Need::new(what.clone(), "rho_d and rho_t follow the thickness h + delta of each texel");
+    pub fn curve(&mut self, what: String, rows: Vec<AccuracyRow>) {
+        let mut need = PlanNeed::new(what.clone(), "rho_d and rho_t follow the thickness h + delta of each texel");
         if let Some(r) = rows.last() {
             need.amount =
                 Some(format!("{} points, interpolation error {:.1e} (measured), {:.2} ms", r.setting, r.error, r.ms));
@@ -158,18 +163,25 @@ impl Plan {
     }
 
     /// Leaves out the gloss of a side on which no light falls.
-    pub fn leave_out_gloss(&mut self, leaf: &Leaf, fitted: &LeafFit, s: usize) {
+    pub fn leave_out_gloss(&mut self, leaf: &PlacedLeaf, fitted: &LeafFit, s: usize) {
         let (side, size) = (Side::ALL[s], self.leaves[leaf.index].size);
         if fitted.has(side) {
             let why = format!("no light falls on the {} where a camera sees it", side.name());
-            let name = reads::entry(fitted, &texture(side, GLOSS));
-            self.leave_out(LeftOut::new(name, why, texture_bytes(size), None));
+            let name = reader::entry(fitted, &texture(side, GLOSS));
+            self.leave_out(PlanOmission::new(name, why, texture_bytes(size), None));
         }
     }
 
     /// Decides about the gloss of a side by its largest contribution to a displayed value; `None` where ρs is 0
     /// everywhere. Returns whether the gloss is kept.
-    pub fn gloss(&mut self, manifest: &Manifest, leaf: &Leaf, fitted: &LeafFit, s: usize, most: Option<f64>) -> bool {
+    pub fn gloss(
+        &mut self,
+        manifest: &SceneManifest,
+        leaf: &PlacedLeaf,
+        fitted: &LeafFit,
+        s: usize,
+        most: Option<f64>,
+    ) -> bool {
         let tolerated = manifest.tolerated();
         let why = match most {
             None => "matte: rho_s is zero everywhere".to_string(),
@@ -187,20 +199,20 @@ impl Plan {
         };
         let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
         sides[s].gloss = false;
-        let name = reads::entry(fitted, &texture(Side::ALL[s], GLOSS));
+        let name = reader::entry(fitted, &texture(Side::ALL[s], GLOSS));
         let bytes = texture_bytes(*size);
-        self.leave_out(LeftOut::new(name, why, bytes, None));
+        self.leave_out(PlanOmission::new(name, why, bytes, None));
         false
     }
 
     /// Whether a side's translucency maps must be read. If not, lists the reason.
-    pub fn wants_translucency(&mut self, manifest: &Manifest, leaf: &Leaf, s: usize) -> bool {
+    pub fn wants_translucency(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, s: usize) -> bool {
         let (Some(translucent), Some(fitted)) = (&leaf.translucent, &leaf.fitted) else { return false };
         let side = Side::ALL[s];
         if !fitted.has(side) {
             return false;
         }
-        let file = File::Maps.name(side);
+        let file = LeafFitFile::Maps.name(side);
         let what = format!("{}/translucency/{file}", fitted.name);
         let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
         if !sides[s].translucency {
@@ -209,10 +221,10 @@ impl Plan {
             } else {
                 format!("never back-lit: no camera sees sunlight that entered the {}", side.name())
             };
-            let on_disk = translucent.fitted.as_ref().map_or(0, |f| reads::bytes(f, &file));
-            self.leave_out(LeftOut::new(what, why, with_mips(size, TRANSLUCENCY_TEXEL_BYTES) + on_disk, None));
+            let on_disk = translucent.fitted.as_ref().map_or(0, |f| reader::bytes(f, &file));
+            self.leave_out(PlanOmission::new(what, why, with_mips(size, TRANSLUCENCY_TEXEL_BYTES) + on_disk, None));
         } else if translucent.fitted.is_none() {
-            let mut need = Need::new(what, shows(side));
+            let mut need = PlanNeed::new(what, shows(side));
             need.status = Some(translucent.source.status);
             self.need(need);
         }
@@ -220,10 +232,17 @@ impl Plan {
     }
 
     /// Decides about translucency maps that were read, by what a picture would lose without them.
-    pub fn translucency(&mut self, manifest: &Manifest, leaf: &Leaf, maps: &LeafFit, s: usize, cost: &WithoutMaps) {
-        let file = File::Maps.name(Side::ALL[s]);
-        let what = reads::entry(maps, &file);
-        let on_disk = reads::bytes(maps, &file);
+    pub fn translucency(
+        &mut self,
+        manifest: &SceneManifest,
+        leaf: &PlacedLeaf,
+        maps: &LeafFit,
+        s: usize,
+        cost: &MapLoss,
+    ) {
+        let file = LeafFitFile::Maps.name(Side::ALL[s]);
+        let what = reader::entry(maps, &file);
+        let on_disk = reader::bytes(maps, &file);
         let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
         if cost.largest < manifest.tolerated() && !self.free {
             (sides[s].translucency, sides[s].normal) = (false, true);
@@ -234,10 +253,10 @@ impl Plan {
                 manifest.tolerated()
             );
             let bytes = cost.layers as u64 * with_mips(*size, TRANSLUCENCY_TEXEL_BYTES) + on_disk;
-            self.leave_out(LeftOut::new(what, why, bytes, None));
+            self.leave_out(PlanOmission::new(what, why, bytes, None));
             return;
         }
-        let mut need = Need::new(what, shows(Side::ALL[s]));
+        let mut need = PlanNeed::new(what, shows(Side::ALL[s]));
         need.amount = Some(format!(
             "{}, {}; without it a displayed value is off by {:.3} (99 % of the texels), {:.3} at most (measured)",
             if cost.layers == 1 { "three coefficients a texel" } else { "three coefficients a texel and channel" },
@@ -256,31 +275,32 @@ impl Plan {
         let LeafPlan { sides, size, block } = self.leaves[index];
         let (w, h) = (size[0].div_ceil(block), size[1].div_ceil(block));
         let why = format!("the nearest pixel covers {footprint:.2} texels a side");
-        let mut need = Need::new(format!("{name}: maps at {w}x{h}"), why);
+        let mut need = PlanNeed::new(format!("{name}: maps at {w}x{h}"), why);
         need.amount = Some(format!("blocks of {block}x{block} texels"));
         self.need(need);
         if block > 1 {
             let maps = textures + sides.iter().map(|s| u64::from(s.normal)).sum::<u64>();
             let saved = maps * (texture_bytes(size) - texture_bytes([w, h]));
             let name = format!("{name}: map detail finer than {block}x{block} texels");
-            self.leave_out(LeftOut::new(name, "no pixel is small enough to show it", saved, None));
+            self.leave_out(PlanOmission::new(name, "no pixel is small enough to show it", saved, None));
         }
     }
 
     /// Lists the files of one side. `maps_there` tells whether its translucency maps were read.
-    pub fn files(&mut self, manifest: &Manifest, leaf: &Leaf, s: usize, maps_there: bool) {
+    pub fn files(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, s: usize, maps_there: bool) {
         let side = Side::ALL[s];
         let Some(fitted) = leaf.fitted.as_ref().filter(|f| f.has(side)) else { return };
         let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
         let plan = self;
         let needs = sides[s];
-        let pigment = leaf.interior(&manifest.leaves[leaf.index]) == Interior::Maps;
-        let maps = File::Maps.name(side);
-        let entry = |what: &str| reads::entry(fitted, &texture(side, what));
+        let pigment = leaf.interior(&manifest.leaves[leaf.index]) == InteriorSource::Maps;
+        let maps = LeafFitFile::Maps.name(side);
+        let entry = |what: &str| reader::entry(fitted, &texture(side, what));
         let bytes = texture_bytes(size);
-        let need = |plan: &mut Plan, what: &str, why: &str| plan.need(Need::new(entry(what), why));
-        let skip =
-            |plan: &mut Plan, what: &str, why: String| plan.leave_out(LeftOut::new(entry(what), why, bytes, None));
+        let need = |plan: &mut ScenePlan, what: &str, why: &str| plan.need(PlanNeed::new(entry(what), why));
+        let skip = |plan: &mut ScenePlan, what: &str, why: String| {
+            plan.leave_out(PlanOmission::new(entry(what), why, bytes, None))
+        };
         let unseen = format!("no camera sees the {} or light that came through it", side.name());
         match (needs.interior(), pigment) {
             (true, false) => {
@@ -291,7 +311,7 @@ impl Plan {
                 };
                 need(plan, GAMMA_DELTA, why);
                 let name = format!("{}: pigment maps, {}", fitted.name, side.name());
-                plan.leave_out(LeftOut::new(name, "the scene asks for W's scalars", 2 * bytes, None));
+                plan.leave_out(PlanOmission::new(name, "the scene asks for W's scalars", 2 * bytes, None));
             }
             (true, true) => skip(plan, GAMMA_DELTA, "the scene asks for pigment maps".into()),
             (false, _) => skip(plan, GAMMA_DELTA, unseen.clone()),
@@ -329,7 +349,7 @@ impl Plan {
             };
             file_need(plan, fitted, &maps, why, true);
         } else {
-            let what = LeftOut::new(reads::entry(fitted, &maps), unseen, reads::bytes(fitted, &maps), None);
+            let what = PlanOmission::new(reader::entry(fitted, &maps), unseen, reader::bytes(fitted, &maps), None);
             plan.leave_out(what);
         }
     }

@@ -1,14 +1,14 @@
 //! Which levels of anchors light between leaves needs: those that the views of a scene come near enough for.
 
-use super::between::views_decide;
-use crate::manifest::{Manifest, View, ViewKind};
-use crate::placed::Placed;
+use super::transfer::views_decide;
+use crate::manifest::{SceneManifest, SceneView, ViewKind};
+use crate::placed::PlacedScene;
 use glam::DVec3;
 use mesophyll_transport::transfer::anchors::{level, levels};
 
 /// The camera of a scene's pictures.
 #[derive(Debug, Clone, Copy)]
-pub struct Eye {
+pub struct PlanCamera {
     /// Place of the camera (mm).
     pub at: DVec3,
     /// The least angle between neighbouring pixels of its pictures (rad).
@@ -17,18 +17,18 @@ pub struct Eye {
     pub middle: f64,
 }
 
-impl Eye {
+impl PlanCamera {
     /// The eye of pictures of this size. At the angle θ from the axis a pixel covers a smaller angle than in the
     /// middle. Across the direction from the middle it is smaller by cos θ, because the place on the picture plane is
     /// farther away. Along this direction it is smaller by cos² θ, because the ray also meets the picture at a slant.
     /// The corner has the largest θ.
-    pub fn new(view: &View, [width, height]: [u32; 2]) -> Eye {
+    pub fn new(view: &SceneView, [width, height]: [u32; 2]) -> PlanCamera {
         let up = (0.5 * view.fov_deg.unwrap_or(30.0)).to_radians().tan();
         let pixels = f64::from(height.max(1));
         let across = up * f64::from(width) / pixels;
         let at = view.eye_mm.map_or(DVec3::ZERO, DVec3::from);
         let middle = 2.0 * up / pixels;
-        Eye { at, pixel: middle / (1.0 + up * up + across * across), middle }
+        PlanCamera { at, pixel: middle / (1.0 + up * up + across * across), middle }
     }
 
     /// Pixels that a ball of this centre and radius (mm) covers at least, where nothing hides it.
@@ -41,24 +41,24 @@ impl Eye {
 const NEAR: f64 = 4.0;
 
 /// The cameras of the perspective views. There are none where the views do not decide what is shown.
-pub fn eyes(manifest: &Manifest, placed: &Placed) -> Vec<Eye> {
+pub fn eyes(manifest: &SceneManifest, placed: &PlacedScene) -> Vec<PlanCamera> {
     if !views_decide(manifest, placed) {
         return Vec::new();
     }
     let size = [manifest.check.width, manifest.check.height];
     let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-    perspective.map(|v| Eye::new(v, size)).collect()
+    perspective.map(|v| PlanCamera::new(v, size)).collect()
 }
 
 /// The finest level for which any eye is near enough: the distance between its pixels is fewer anchors than the next
 /// level needs.
 /// The `grid` of anchors lies on a leaf in a ball of this centre and radius (mm). Without an eye all levels are needed.
-pub fn finest((centre, radius): (DVec3, f64), grid: [usize; 2], eyes: &[Eye]) -> usize {
+pub fn finest((centre, radius): (DVec3, f64), grid: [usize; 2], eyes: &[PlanCamera]) -> usize {
     // The least number of anchors for a unit of length, because a piece is not longer than the mesh.
     let dense = grid.map(|n| (n - 1) as f64 / (2.0 * radius));
     let dense = dense[0].min(dense[1]);
     let coarsest = (levels(grid) - 1) as f64;
-    let of = |eye: &Eye| {
+    let of = |eye: &PlanCamera| {
         let passed = (eye.at.distance(centre) - radius).max(0.0) * eye.pixel * dense;
         (NEAR * passed).log2().clamp(0.0, coarsest) as usize
     };
@@ -79,8 +79,8 @@ mod tests {
     #[test]
     fn only_levels_that_an_eye_comes_near_are_kept() {
         let at = |far: &[f64]| {
-            let eyes: Vec<Eye> =
-                far.iter().map(|x| Eye { at: DVec3::X * (100.0 + x), pixel: 1e-3, middle: 1e-3 }).collect();
+            let eyes: Vec<PlanCamera> =
+                far.iter().map(|x| PlanCamera { at: DVec3::X * (100.0 + x), pixel: 1e-3, middle: 1e-3 }).collect();
             finest((DVec3::X * 100.0, 30.02), [5, 3], &eyes)
         };
         assert_eq!((at(&[]), at(&[10.0]), at(&[1e6])), (0, 0, 2));
@@ -92,7 +92,7 @@ mod tests {
     /// A disc of 10 mm at 1 m, where a pixel is 1 mm wide, covers π·10² pixels.
     #[test]
     fn a_ball_covers_as_many_pixels_as_its_disc() {
-        let eye = Eye { at: DVec3::ZERO, pixel: 1e-3, middle: 1e-3 };
+        let eye = PlanCamera { at: DVec3::ZERO, pixel: 1e-3, middle: 1e-3 };
         assert!((eye.pixels((DVec3::X * 1000.0, 10.0)) - 314.159).abs() < 1e-3);
     }
 }

@@ -1,13 +1,13 @@
 //! The plan of the light: sun, shadow maps and sky; and the models that this scene does not use.
 
-use super::accuracy::{self, Row};
-use super::between::sun_visibility;
-use super::{LeftOut, Need, Plan};
+use super::accuracy::{self, AccuracyRow};
+use super::transfer::sun_visibility;
+use super::{PlanNeed, PlanOmission, ScenePlan};
 use crate::Result;
-use crate::manifest::{Manifest, Sky, ViewKind};
-use crate::placed::Placed;
+use crate::manifest::{SceneManifest, SceneSky, ViewKind};
+use crate::placed::PlacedScene;
 use crate::placed::daylight::{Daylight, levels, sun_direction};
-use crate::placed::facing;
+use crate::placed::visible_sides;
 use glam::DVec3;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_sky::SkyModel;
@@ -21,28 +21,28 @@ const SHADOW_SIDE: u64 = 2048;
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a physical sky that the model refuses.
-pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<()> {
+pub fn lights(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePlan) -> Result<()> {
     let free = placed.free || manifest.sun_moves();
     let shadow_bytes = SHADOW_SIDE * SHADOW_SIDE * 4;
     match (&manifest.sun, sun_direction(manifest)) {
         (Some(sun), Some(direction)) => {
-            plan.need(Need::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
+            plan.need(PlanNeed::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
             let radius = sun.radius_deg.to_radians();
             let meshes: Vec<Option<&LeafMesh>> = placed.leaves.iter().map(|l| l.mesh.as_ref()).collect();
             let leaves_alone = !free && placed.wood.is_empty();
             let beforehand = sun_visibility(manifest, placed).is_ok();
-            match leaves_alone.then(|| facing::shadows(&meshes, &placed.placements, direction, radius)) {
-                Some(Err(why)) => plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None)),
+            match leaves_alone.then(|| visible_sides::shadows(&meshes, &placed.placements, direction, radius)) {
+                Some(Err(why)) => plan.leave_out(PlanOmission::new("shadow maps", why, shadow_bytes, None)),
                 _ if beforehand && placed.ground.is_none() => {
                     let why = "every vertex knows beforehand what it sees of the sun";
-                    plan.leave_out(LeftOut::new("shadow maps", why, shadow_bytes, None));
+                    plan.leave_out(PlanOmission::new("shadow maps", why, shadow_bytes, None));
                 }
                 _ => shadows(manifest, placed, plan, radius, shadow_bytes),
             }
         }
         _ => {
             let why = "the scene has no sun: no light loop in the shader, no shadow pass";
-            plan.leave_out(LeftOut::new("sun and shadow maps", why, shadow_bytes, None));
+            plan.leave_out(PlanOmission::new("sun and shadow maps", why, shadow_bytes, None));
         }
     }
     match &manifest.sky {
@@ -50,15 +50,15 @@ pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<(
         Some(sky) if sky.environment.is_some() => {
             let n = plan.light.sky_bands * plan.light.sky_bands;
             let what = format!("a picture: {n}x3 coefficients, summed over it; drawn behind the leaves");
-            plan.need(Need { bytes: Some(16 * n as u64), ..Need::new("sky", what) });
+            plan.need(PlanNeed { bytes: Some(16 * n as u64), ..PlanNeed::new("sky", what) });
         }
-        Some(_) => plan.need(Need::new(
+        Some(_) => plan.need(PlanNeed::new(
             "sky",
             "constant: three numbers, and the lobe's directional albedo where a side is glossy",
         )),
-        None => plan.leave_out(LeftOut::new("sky", "the scene has none: its term is not in the shader", 0, None)),
+        None => plan.leave_out(PlanOmission::new("sky", "the scene has none: its term is not in the shader", 0, None)),
     }
-    let mut need = Need::new("multisampling", "edges show");
+    let mut need = PlanNeed::new("multisampling", "edges show");
     need.amount = Some(format!("{} samples a pixel", plan.light.msaa));
     plan.need(need);
     Ok(())
@@ -66,13 +66,13 @@ pub fn lights(manifest: &Manifest, placed: &Placed, plan: &mut Plan) -> Result<(
 
 /// Decides how many bands light the leaves, and whether their coefficients are integrated once or come from the
 /// polynomials.
-fn physical_sky(manifest: &Manifest, sky: &Sky, plan: &mut Plan) -> Result<()> {
+fn physical_sky(manifest: &SceneManifest, sky: &SceneSky, plan: &mut ScenePlan) -> Result<()> {
     let Some(daylight) = Daylight::of(manifest)? else { return Ok(()) };
     let mut rows = Vec::new();
     for bands in [3usize, 5, 7] {
         let start = Instant::now();
         let error = daylight.truncation(&[bands], manifest.exposure)?[0];
-        rows.push(Row {
+        rows.push(AccuracyRow {
             setting: bands,
             error,
             ms: start.elapsed().as_secs_f64() * 1e3,
@@ -86,7 +86,7 @@ fn physical_sky(manifest: &Manifest, sky: &Sky, plan: &mut Plan) -> Result<()> {
     let n = plan.light.sky_bands * plan.light.sky_bands;
     let polynomials = plan.light.sun_moves && sky.model == Some(SkyModel::Preetham);
     let how = if polynomials { "from the polynomials" } else { "integrated for this sun and turbidity" };
-    let mut need = Need::new(
+    let mut need = PlanNeed::new(
         "sky",
         format!(
             "{}, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves",
@@ -105,7 +105,7 @@ fn physical_sky(manifest: &Manifest, sky: &Sky, plan: &mut Plan) -> Result<()> {
     need.bytes = Some(16 * n as u64);
     plan.need(need);
     if polynomials {
-        let mut need = Need::new(
+        let mut need = PlanNeed::new(
             "sky polynomial (spherical harmonics)",
             "the sun moves: fit sky makes it, milliseconds, before the first picture",
         );
@@ -115,7 +115,7 @@ fn physical_sky(manifest: &Manifest, sky: &Sky, plan: &mut Plan) -> Result<()> {
     Ok(())
 }
 
-fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, map_bytes: u64) {
+fn shadows(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePlan, radius: f64, map_bytes: u64) {
     // Balls around the leaves bound how far a shadow falls, and how wide a leaf is relative to its penumbra.
     let around: Vec<Option<(DVec3, f64)>> =
         placed.leaves.iter().map(|leaf| leaf.mesh.as_ref().map(LeafMesh::bounds)).collect();
@@ -136,8 +136,10 @@ fn shadows(manifest: &Manifest, placed: &Placed, plan: &mut Plan, radius: f64, m
     let contrast = display(0.1 * (sun + sky), manifest.exposure) - display(0.1 * sky, manifest.exposure);
     let row = plan.choose("shadow samples", accuracy::shadow_samples(contrast, share, map_bytes), manifest.tolerated());
     let mut need = match sun_visibility(manifest, placed) {
-        Ok(()) => Need::new("shadow maps", "leaves throw shadows on the ground, which are too small for its vertices"),
-        Err(_) => Need::new("shadow maps", "leaves can stand in each other's light"),
+        Ok(()) => {
+            PlanNeed::new("shadow maps", "leaves throw shadows on the ground, which are too small for its vertices")
+        }
+        Err(_) => PlanNeed::new("shadow maps", "leaves can stand in each other's light"),
     };
     if let Some(row) = row {
         plan.light.shadow_samples = row.setting as u32;
@@ -172,7 +174,7 @@ fn reach(balls: &[(DVec3, f64)]) -> f64 {
 }
 
 /// Lists models that scenes of plants may have and this one does not.
-pub fn absent_models(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
+pub fn absent_models(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePlan) {
     // H9 ch. 5: (13+1)·(7+1) coefficients, 49 harmonics, three channels, doubles.
     let polynomial = 14 * 8 * 49 * 3 * 8;
     let fixed = "a fixed sun and turbidity are 49x3 numbers at most, integrated directly: no polynomial in sun height \
@@ -186,15 +188,15 @@ pub fn absent_models(manifest: &Manifest, placed: &Placed, plan: &mut Plan) {
         _ => "the scene has no sky",
     };
     if !plan.light.sun_moves {
-        plan.leave_out(LeftOut::new("sky polynomial (spherical harmonics)", why, polynomial, None));
+        plan.leave_out(PlanOmission::new("sky polynomial (spherical harmonics)", why, polynomial, None));
     }
     let texels: u64 = plan.leaves.iter().map(|l| (l.size[0] * l.size[1]) as u64).sum();
     if placed.leaves.iter().all(|l| l.translucent.is_none()) {
         let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
-        plan.leave_out(LeftOut::new("translucency maps", why, texels * 8 * 2, None));
+        plan.leave_out(PlanOmission::new("translucency maps", why, texels * 8 * 2, None));
     }
     if manifest.views.iter().all(|v| v.kind != ViewKind::Card) {
-        plan.leave_out(LeftOut::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
+        plan.leave_out(PlanOmission::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
     }
 }
 

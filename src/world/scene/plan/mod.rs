@@ -7,26 +7,26 @@
 //! tolerance and from rows of error and cost.
 
 pub mod accuracy;
-pub mod between;
 mod branches;
 mod grass;
 pub mod leaf;
 pub mod levels;
 mod light;
+pub mod transfer;
 mod warnings;
 
 use crate::Result;
-use crate::manifest::Manifest;
-use crate::placed::Placed;
-use crate::placed::fits::source::Freshness;
+use crate::manifest::SceneManifest;
+use crate::placed::PlacedScene;
+use crate::placed::fits::source::FitFreshness;
 use crate::placed::ledger::Ledger;
-use accuracy::Row;
+use accuracy::AccuracyRow;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// A thing that the scene needs.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Need {
+pub struct PlanNeed {
     /// Its name: that of a file, a fit, a texture or a pass.
     pub name: String,
     /// The reason, in words.
@@ -42,19 +42,19 @@ pub struct Need {
     pub bytes: Option<u64>,
     /// Whether it exists; `None` where it is made in every run.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub status: Option<Freshness>,
+    pub status: Option<FitFreshness>,
 }
 
-impl Need {
+impl PlanNeed {
     /// A need with its name and its reason only.
-    pub fn new(name: impl Into<String>, reason: impl Into<String>) -> Need {
-        Need { name: name.into(), reason: reason.into(), amount: None, hash: None, bytes: None, status: None }
+    pub fn new(name: impl Into<String>, reason: impl Into<String>) -> PlanNeed {
+        PlanNeed { name: name.into(), reason: reason.into(), amount: None, hash: None, bytes: None, status: None }
     }
 }
 
 /// A thing that the scene could have and does not need.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct LeftOut {
+pub struct PlanOmission {
     /// Its name: that of a file, a fit, a texture or a pass.
     pub name: String,
     /// The reason why the scene does not need it, in words.
@@ -68,14 +68,14 @@ pub struct LeftOut {
     pub saved_ms: Option<f64>,
 }
 
-impl LeftOut {
+impl PlanOmission {
     /// `bytes` come from sizes; `ms` is given only where it was measured.
-    pub fn new(name: impl Into<String>, reason: impl Into<String>, bytes: u64, ms: Option<f64>) -> LeftOut {
+    pub fn new(name: impl Into<String>, reason: impl Into<String>, bytes: u64, ms: Option<f64>) -> PlanOmission {
         let mut saved = format!("{bytes} bytes (from sizes)");
         if let Some(ms) = ms {
             saved += &format!(", {ms:.1} ms (measured)");
         }
-        LeftOut { name: name.into(), reason: reason.into(), saved, saved_bytes: bytes, saved_ms: ms }
+        PlanOmission { name: name.into(), reason: reason.into(), saved, saved_bytes: bytes, saved_ms: ms }
     }
 }
 
@@ -133,7 +133,7 @@ pub struct LightPlan {
     /// Whether the sky's coefficients come from the polynomial fit.
     pub sun_moves: bool,
     /// The settings of light between leaves, if there is any.
-    pub between: Option<Between>,
+    pub between: Option<TransferPlan>,
 }
 
 impl LightPlan {
@@ -145,7 +145,7 @@ impl LightPlan {
 
 /// The settings of the transfer of a scene with light between leaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-pub struct Between {
+pub struct TransferPlan {
     /// Number of bands of the light's harmonics; `None` where the light stands still and is one column.
     pub bands: Option<usize>,
     /// Whether the sun's shadows on leaves and wood are computed beforehand too.
@@ -154,15 +154,15 @@ pub struct Between {
 
 /// The plan of a scene.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Plan {
+pub struct ScenePlan {
     /// The scene's name.
     pub scene: String,
     /// The things that it needs, fits first.
-    pub needed: Vec<Need>,
+    pub needed: Vec<PlanNeed>,
     /// The things that it does not need.
-    pub left_out: Vec<LeftOut>,
+    pub left_out: Vec<PlanOmission>,
     /// The rows of error and cost behind each choice of an amount.
-    pub measured: BTreeMap<String, Vec<Row>>,
+    pub measured: BTreeMap<String, Vec<AccuracyRow>>,
     /// Unusual properties of the scene that may be intended, such as a leaf that no view shows, or a mesh in another
     /// unit.
     pub warnings: Vec<String>,
@@ -176,11 +176,11 @@ pub struct Plan {
     pub light: LightPlan,
 }
 
-impl Plan {
+impl ScenePlan {
     /// The plan that follows from the placements: the fits, and the needs of each side. After this, leaves are planned
     /// one by one ([`leaf`]), and [`Plan::finish`] completes the plan.
-    pub fn new(manifest: &Manifest, placed: &Placed) -> Plan {
-        let mut plan = Plan {
+    pub fn new(manifest: &SceneManifest, placed: &PlacedScene) -> ScenePlan {
+        let mut plan = ScenePlan {
             scene: manifest.name.clone(),
             needed: Vec::new(),
             left_out: Vec::new(),
@@ -209,11 +209,11 @@ impl Plan {
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a physical sky that the model refuses, and for a fit's blade that cannot be read.
-    pub fn finish(&mut self, manifest: &Manifest, placed: &Placed, ledger: &Ledger) -> Result<()> {
+    pub fn finish(&mut self, manifest: &SceneManifest, placed: &PlacedScene, ledger: &Ledger) -> Result<()> {
         branches::branches(manifest, placed, self, ledger);
         grass::lawns(manifest, placed, self)?;
         light::lights(manifest, placed, self)?;
-        between::between(manifest, placed, self)?;
+        transfer::between(manifest, placed, self)?;
         light::absent_models(manifest, placed, self);
         self.warnings = warnings::warnings(manifest, placed)?;
         let files = self.needed.iter().map(|n| (n.name.clone(), format!("{:?}", n.hash)));
@@ -224,17 +224,17 @@ impl Plan {
     }
 
     /// Adds a need.
-    pub fn need(&mut self, need: Need) {
+    pub fn need(&mut self, need: PlanNeed) {
         self.needed.push(need);
     }
 
     /// Adds a thing that is left out.
-    pub fn leave_out(&mut self, left: LeftOut) {
+    pub fn leave_out(&mut self, left: PlanOmission) {
         self.left_out.push(left);
     }
 
     /// Notes the rows behind a choice, and returns the cheapest one within `allowed`.
-    pub fn choose(&mut self, what: &str, rows: Vec<Row>, allowed: f64) -> Option<Row> {
+    pub fn choose(&mut self, what: &str, rows: Vec<AccuracyRow>, allowed: f64) -> Option<AccuracyRow> {
         let row = accuracy::cheapest(&rows, allowed);
         self.measured.insert(what.into(), rows);
         row

@@ -2,8 +2,8 @@
 //! view shows.
 
 use crate::Result;
-use crate::manifest::{Manifest, View, ViewKind};
-use crate::placed::{Placed, leaf::Leaf, placement::Placement};
+use crate::manifest::{SceneManifest, SceneView, ViewKind};
+use crate::placed::{PlacedScene, leaf::PlacedLeaf, placement::LeafPlacement};
 use glam::DVec3;
 
 /// A mesh that is larger or smaller than the scanned blade by this factor is assumed to be in another unit.
@@ -19,7 +19,7 @@ const PLANTS: std::ops::RangeInclusive<f64> = 10.0..=300_000.0;
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a fit's blade that cannot be read.
-pub fn warnings(manifest: &Manifest, placed: &Placed) -> Result<Vec<String>> {
+pub fn warnings(manifest: &SceneManifest, placed: &PlacedScene) -> Result<Vec<String>> {
     let mut out = Vec::new();
     for leaf in &placed.leaves {
         out.extend(another_unit(manifest, leaf)?);
@@ -37,7 +37,7 @@ pub fn warnings(manifest: &Manifest, placed: &Placed) -> Result<Vec<String>> {
     Ok(out)
 }
 
-fn another_unit(manifest: &Manifest, leaf: &Leaf) -> Result<Option<String>> {
+fn another_unit(manifest: &SceneManifest, leaf: &PlacedLeaf) -> Result<Option<String>> {
     let config = &manifest.leaves[leaf.index];
     let (Some(_), Some(drawn), Some(fitted)) = (&config.mesh, &leaf.mesh, &leaf.fitted) else { return Ok(None) };
     let Some(scanned) = fitted.blade()? else { return Ok(None) };
@@ -58,7 +58,7 @@ fn another_unit(manifest: &Manifest, leaf: &Leaf) -> Result<Option<String>> {
 
 /// A warning for each plant whose blades are far larger or smaller than the leaf that is drawn for them, as where a
 /// card shows a whole twig.
-fn other_blades(manifest: &Manifest, placed: &Placed) -> Vec<String> {
+fn other_blades(manifest: &SceneManifest, placed: &PlacedScene) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     for (plant, (leaf, across, [scale, own])) in &placed.shapes {
         let Some(mesh) = placed.leaves.get(*leaf).and_then(|leaf| leaf.mesh.as_ref()) else { continue };
@@ -79,12 +79,12 @@ fn other_blades(manifest: &Manifest, placed: &Placed) -> Vec<String> {
 }
 
 /// A warning for a placed leaf that no view shows, or that is smaller than a pixel in all views.
-fn unseen(manifest: &Manifest, placed: &Placed, leaf: &Leaf) -> Option<String> {
+fn unseen(manifest: &SceneManifest, placed: &PlacedScene, leaf: &PlacedLeaf) -> Option<String> {
     let (centre, radius) = leaf.mesh.as_ref()?.bounds();
     let (mut largest, mut sizes, mut first) = (0.0f64, Vec::new(), None);
     for p in placed.placements.iter().filter(|p| p.leaf == leaf.index) {
         for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
-            let Placement { transform, .. } = placed.at_time(p, manifest.time_of(view));
+            let LeafPlacement { transform, .. } = placed.at_time(p, manifest.time_of(view));
             let (centre, radius) = (transform.transform_point3(centre), radius * transform.x_axis.truncate().length());
             sizes.push(2.0 * radius);
             first.get_or_insert(centre);
@@ -109,7 +109,7 @@ fn unseen(manifest: &Manifest, placed: &Placed, leaf: &Leaf) -> Option<String> {
 }
 
 /// Number of pixels across a ball in a view; 0 where the ball is outside.
-fn pixels(manifest: &Manifest, view: &View, centre: DVec3, radius: f64) -> f64 {
+fn pixels(manifest: &SceneManifest, view: &SceneView, centre: DVec3, radius: f64) -> f64 {
     let (Some(eye), Some(target), Some(fov)) = (view.eye_mm, view.target_mm, view.fov_deg) else { return 0.0 };
     let (eye, height) = (DVec3::from(eye), f64::from(manifest.check.height));
     let (tan, aspect) = ((0.5 * fov.to_radians()).tan(), f64::from(manifest.check.width) / height);

@@ -1,36 +1,37 @@
 //! The library's part of the window: an edit of h, σa, σs or the gloss becomes a new slab, so that a thicker leaf
 //! really becomes darker. There are also a reference picture, a verdict, a saved fit, and the numbers of a texel.
 
-use super::plants::Plants;
+use super::plants::WindowPlants;
 use crate::Result;
 use crate::draw::reference;
-use crate::draw::sunlit::relight_where;
-use crate::draw::truth::{Sampling, Truth};
+use crate::draw::scene_reference::{ReferenceSampling, SceneReference};
+use crate::draw::sunlight::relight_where;
 use crate::draw::{handover, leaf_maps};
-use crate::loaded::{Leaf, Scene};
-use crate::manifest::{Interior, View, ViewKind};
+use crate::loaded::{LoadedLeaf, LoadedScene};
+use crate::manifest::{InteriorSource, SceneView, ViewKind};
 use crate::placed::daylight::{self, Daylight};
-use crate::placed::fits::reads;
+use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
-use crate::placed::placement::Placement;
+use crate::placed::placement::LeafPlacement;
 use glam::DVec3;
-use mesophyll_files::image::Maps;
+use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fits::leaf_folder::LeafFit;
-use mesophyll_fits::leaf_folder::edit::{self, Edit};
-use mesophyll_fits::transfer::LiveSun;
+use mesophyll_fits::leaf_folder::edit::{self, LeafSideEdit};
+use mesophyll_fits::transfer::FreeSun;
 use mesophyll_optics::side::{Side, Sides};
-use mesophyll_transport::{self as transport, compare};
+use mesophyll_transport::{self as transport, comparison};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use mesophyll_window::editor::{
-    Editor, LeafEdit, LeafUpdate, Measure, PlantEdits, PlantInfo, ReferencePicture, SideEdit, SkyUpdate, Verdict,
+    ComparisonVerdict, DisplayPicture, Editor, LeafEdit, LeafUpdate, PlantEdits, PlantInfo, SideEdit, SkyUpdate,
+    VerdictMeasure,
 };
 use std::path::PathBuf;
 
 /// The editor behind a window on one scene.
 pub struct SceneEditor {
-    scene: Scene,
+    scene: LoadedScene,
     ledger: Ledger,
     /// The scene's leaves, by the renderer's index.
     shown: Vec<usize>,
@@ -40,9 +41,9 @@ pub struct SceneEditor {
     /// Folder of edited fits.
     out: PathBuf,
     judged: Option<transport::ReferencePicture>,
-    plants: Plants,
+    plants: WindowPlants,
     /// The shares of the sun that vertices see for a sun that is moved, where they are known.
-    live: Option<LiveSun>,
+    live: Option<FreeSun>,
 }
 
 impl SceneEditor {
@@ -50,7 +51,7 @@ impl SceneEditor {
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a map or a plant that cannot be read.
-    pub fn new(scene: Scene, out: PathBuf) -> Result<SceneEditor> {
+    pub fn new(scene: LoadedScene, out: PathBuf) -> Result<SceneEditor> {
         let ledger = Ledger::new();
         let shown: Vec<usize> = scene.drawn().map(|l| l.placed.index).collect();
         let (mut starts, mut fits) = (Vec::new(), Vec::new());
@@ -59,11 +60,11 @@ impl SceneEditor {
             let fitted = scene.placed.leaves[index].fitted.clone();
             if let Some(fitted) = &fitted {
                 for side in fitted.sides() {
-                    let maps = reads::maps(fitted, side, &ledger)?;
+                    let maps = reader::maps(fitted, side, &ledger)?;
                     let edit = &mut start.sides[side];
                     let of = |quantity| match scene.leaf(index).placed.interior(&scene.manifest.leaves[index]) {
-                        Interior::Scalars => Ok(fitted.rgb(side, quantity)?.map(|v| v as f32)),
-                        Interior::Maps => Ok::<_, crate::Error>(mean(maps, quantity)),
+                        InteriorSource::Scalars => Ok(fitted.rgb(side, quantity)?.map(|v| v as f32)),
+                        InteriorSource::Maps => Ok::<_, crate::Error>(mean(maps, quantity)),
                     };
                     (edit.sigma_a, edit.sigma_s) = (of(Quantity::SigmaA)?, of(Quantity::SigmaS)?);
                 }
@@ -76,11 +77,11 @@ impl SceneEditor {
         // The direction has the precision of later calls of `shares`: the renderer's suns have single precision.
         let at = daylight::sun_direction(&scene.manifest).map(|at| at.as_vec3().as_dvec3());
         let live = known.zip(at).map(|((sun, world), at)| sun.live(world, at));
-        let plants = Plants::new(&scene.manifest, &scene.placed, &ledger)?;
+        let plants = WindowPlants::new(&scene.manifest, &scene.placed, &ledger)?;
         Ok(SceneEditor { scene, ledger, shown, starts, fits, out, judged: None, plants, live })
     }
 
-    fn leaf(&self, leaf: usize) -> Leaf<'_> {
+    fn leaf(&self, leaf: usize) -> LoadedLeaf<'_> {
         self.scene.leaf(self.shown[leaf])
     }
 
@@ -91,7 +92,7 @@ impl SceneEditor {
         let Some(fitted) = of.placed.fitted.as_ref().filter(|f| f.has(side) && of.plan.sides[s].interior()) else {
             return Ok(viewer::Interior::Scalars(viewer::SlabCurve::default()));
         };
-        if of.placed.interior(of.config) == Interior::Maps {
+        if of.placed.interior(of.config) == InteriorSource::Maps {
             let [rho_d, rho_t] = leaf_maps::pigment(of, side, &self.ledger)?;
             return Ok(viewer::Interior::Maps { rho_d, rho_t });
         }
@@ -104,12 +105,12 @@ impl SceneEditor {
     }
 
     /// The changes of a leaf by the window's sliders.
-    fn edits(&self, leaf: usize, edit: &LeafEdit) -> Sides<Edit> {
+    fn edits(&self, leaf: usize, edit: &LeafEdit) -> Sides<LeafSideEdit> {
         let start = &self.starts[leaf];
         let ratio = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|c| if b[c] > 0.0 { f64::from(a[c] / b[c]) } else { 1.0 });
         Sides::of(|side| {
             let (start_side, now) = (&start.sides[side], &edit.sides[side]);
-            Edit {
+            LeafSideEdit {
                 sigma_a: ratio(now.sigma_a, start_side.sigma_a),
                 sigma_s: ratio(now.sigma_s, start_side.sigma_s),
                 thickness_mm: f64::from(edit.thickness_mm - start.thickness_mm),
@@ -120,15 +121,15 @@ impl SceneEditor {
     }
 
     /// The reference's world with the edits and with the window's lights.
-    fn world(&self, scene: &viewer::Scene, eye: DVec3) -> Result<transport::World> {
+    fn world(&self, scene: &viewer::Scene, eye: DVec3) -> Result<transport::ReferenceWorld> {
         let mut world = reference::world(&self.scene, &self.ledger)?;
         let time = scene.wind.as_ref().map_or_else(|| self.scene.manifest.rest_time(), |w| w.time_s);
         let place = |i: &viewer::Instance| {
             let rest = i.transform.as_dmat4();
             let section = i.carried.filter(|c| c.vertices.is_none()).map(|c| c.first as usize);
-            let at_rest = Placement { leaf: i.material, transform: rest, section };
+            let at_rest = LeafPlacement { leaf: i.material, transform: rest, section };
             let transform = self.scene.placed.at_time(&at_rest, time).transform;
-            transport::Placement { leaf: i.material, transform }
+            transport::ReferencePlacement { leaf: i.material, transform }
         };
         world.instances = scene.instances.iter().map(place).collect();
         reference::move_wood(&mut world, &self.scene.placed, time);
@@ -173,7 +174,7 @@ fn unedited() -> SideEdit {
 }
 
 /// The means of three channels over the good texels.
-fn mean(maps: &Maps, quantity: Quantity) -> [f32; 3] {
+fn mean(maps: &ChannelMaps, quantity: Quantity) -> [f32; 3] {
     let mask = maps.scalar(Quantity::Mask);
     [0, 1, 2].map(|c| {
         let plane = maps.plane(quantity, c).unwrap_or_default();
@@ -238,11 +239,11 @@ impl Editor for SceneEditor {
             return Err("branches cannot be edited here: the light between leaves is that of the plants at rest".into());
         }
         let before = self.plants.applied();
-        let Scene { manifest, placed, .. } = &mut self.scene;
+        let LoadedScene { manifest, placed, .. } = &mut self.scene;
         self.plants.apply(edits, manifest, placed, &self.ledger).map_err(|e| e.to_string())?;
         handover::shown(&self.scene, &self.ledger).map_err(|e| {
             // The window still shows the plants as they were.
-            let Scene { manifest, placed, .. } = &mut self.scene;
+            let LoadedScene { manifest, placed, .. } = &mut self.scene;
             let restored = self.plants.apply(&before, manifest, placed, &self.ledger);
             restored.err().unwrap_or(e).to_string()
         })
@@ -268,46 +269,46 @@ impl Editor for SceneEditor {
         camera: &viewer::Camera,
         width: u32,
         height: u32,
-    ) -> std::result::Result<ReferencePicture, String> {
+    ) -> std::result::Result<DisplayPicture, String> {
         let draw = || -> Result<transport::ReferencePicture> {
             let world = self.world(scene, camera.eye.as_dvec3())?;
-            let camera = transport::Camera {
+            let camera = transport::ReferenceCamera {
                 eye: camera.eye.as_dvec3(),
                 target: camera.target.as_dvec3(),
                 up: camera.up.as_dvec3(),
                 fov_y_deg: f64::from(camera.fov_y_deg),
             };
             let between = scene.transfer.is_some();
-            let sampling = Sampling {
+            let sampling = ReferenceSampling {
                 size: [width as usize, height as usize],
                 // A person waits for the result.
                 samples: self.scene.manifest.check.samples.min(if between { 64 } else { 16 }),
                 sun_samples: if scene.shadow_samples > 0 { 4 } else { 1 },
                 seed: self.scene.manifest.check.seed,
             };
-            Truth::new(&world, between)?.draw(&camera, "reference", sampling)
+            SceneReference::new(&world, between)?.draw(&camera, "reference", sampling)
         };
         let picture = draw().map_err(|e| e.to_string())?;
-        let shown = ReferencePicture { width, height, ldr: picture.ldr.clone() };
+        let shown = DisplayPicture { width, height, ldr: picture.ldr.clone() };
         self.judged = Some(picture);
         Ok(shown)
     }
 
-    fn judge(&mut self, picture: &gpu::Picture, _: &ReferencePicture) -> Verdict {
+    fn judge(&mut self, picture: &gpu::Picture, _: &DisplayPicture) -> ComparisonVerdict {
         let Some(reference) = &self.judged else {
-            return Verdict { note: "no reference yet".into(), ..Verdict::default() };
+            return ComparisonVerdict { note: "no reference yet".into(), ..ComparisonVerdict::default() };
         };
-        let seen = match compare::compare(reference, &picture.ldr) {
+        let seen = match comparison::compare(reference, &picture.ldr) {
             Ok(seen) => seen,
-            Err(e) => return Verdict { note: e.to_string(), ..Verdict::default() },
+            Err(e) => return ComparisonVerdict { note: e.to_string(), ..ComparisonVerdict::default() },
         };
         let view = self.scene.manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
-        let limit = |f: fn(&View) -> Option<f64>| view.and_then(f).unwrap_or(0.0);
+        let limit = |f: fn(&SceneView) -> Option<f64>| view.and_then(f).unwrap_or(0.0);
         let mut measures =
-            vec![Measure { name: "FLIP, 99 %".into(), value: seen.flip_p99, threshold: limit(|v| v.flip_p99) }];
+            vec![VerdictMeasure { name: "FLIP, 99 %".into(), value: seen.flip_p99, threshold: limit(|v| v.flip_p99) }];
         let mut note = String::new();
         match seen.max_error {
-            Some(value) => measures.push(Measure {
+            Some(value) => measures.push(VerdictMeasure {
                 name: "largest error inside leaves".into(),
                 value,
                 threshold: limit(|v| v.max_error),
@@ -315,7 +316,7 @@ impl Editor for SceneEditor {
             None => note = "no pixel lies wholly inside a leaf: the largest error was not measured".into(),
         }
         let passed = note.is_empty() && measures.iter().all(|m| m.value <= m.threshold);
-        Verdict { passed, measures, note }
+        ComparisonVerdict { passed, measures, note }
     }
 
     fn probe(&self, leaf: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)> {

@@ -1,41 +1,41 @@
 //! Edits of a scene's branches in the window, and edited plants as new files.
 
-use crate::manifest::Manifest;
-use crate::placed::Placed;
+use crate::manifest::SceneManifest;
+use crate::placed::PlacedScene;
 use crate::placed::ledger::Ledger;
-use crate::placed::plant::{Planted, planted};
-use crate::placed::winds::{Answer, Winds};
+use crate::placed::plant::{PlacedPlant, planted};
+use crate::placed::winds::{SwayingPlants, WindResponse};
 use crate::{Error, Result};
 use mesophyll_files::atomic;
-use mesophyll_plants::form::{Branch, DAMPINGS, LEANS, RESONANCES, Stated};
+use mesophyll_plants::form::{Branch, BranchMotion, DAMPINGS, LEANS, RESONANCES};
 use mesophyll_plants::mechanics::beam::{TAPER_MAX, TAPER_MIN};
-use mesophyll_window::editor::{BranchEdit, Part, PlantEdits, PlantInfo};
+use mesophyll_window::editor::{BranchEdit, PlantEdits, PlantInfo, PlantPart};
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A scene's plants as the window opened, and with the edits that were applied last.
-pub struct Plants {
-    start: Vec<Planted>,
+pub struct WindowPlants {
+    start: Vec<PlacedPlant>,
     /// How they moved as the window opened.
-    winds: Option<Arc<Winds>>,
-    edited: Vec<Planted>,
+    winds: Option<Arc<SwayingPlants>>,
+    edited: Vec<PlacedPlant>,
     applied: PlantEdits,
 }
 
-impl Plants {
+impl WindowPlants {
     /// Reads or grows the plants of a scene once more.
     ///
     /// # Errors
     /// As [`planted`].
-    pub fn new(manifest: &Manifest, placed: &Placed, ledger: &Ledger) -> Result<Plants> {
+    pub fn new(manifest: &SceneManifest, placed: &PlacedScene, ledger: &Ledger) -> Result<WindowPlants> {
         let start = planted(manifest, ledger)?;
-        Ok(Plants { edited: start.clone(), start, winds: placed.winds.clone(), applied: PlantEdits::new() })
+        Ok(WindowPlants { edited: start.clone(), start, winds: placed.winds.clone(), applied: PlantEdits::new() })
     }
 
     /// What the window lists.
     pub fn listed(&self) -> Vec<PlantInfo> {
-        let branches = |p: &Planted| p.plant.branches.iter().map(|b| (b.name.clone(), b.level)).collect();
+        let branches = |p: &PlacedPlant| p.plant.branches.iter().map(|b| (b.name.clone(), b.level)).collect();
         self.start.iter().map(|p| PlantInfo { name: p.name_at(0), branches: branches(p) }).collect()
     }
 
@@ -52,8 +52,8 @@ impl Plants {
     pub fn apply(
         &mut self,
         edits: &PlantEdits,
-        manifest: &Manifest,
-        placed: &mut Placed,
+        manifest: &SceneManifest,
+        placed: &mut PlacedScene,
         ledger: &Ledger,
     ) -> Result<()> {
         let mut edited = self.start.clone();
@@ -62,8 +62,8 @@ impl Plants {
             let answers = self.winds.as_ref().and_then(|w| w.plants[*plant].as_ref()).map(|s| s.answers.as_slice());
             for (k, branch) in one.plant.branches.iter_mut().enumerate() {
                 let mine = match part {
-                    Part::Level(level) => branch.level == *level,
-                    Part::Branch(index) => k == *index,
+                    PlantPart::Level(level) => branch.level == *level,
+                    PlantPart::Branch(index) => k == *index,
                 };
                 if mine {
                     edit_branch(branch, edit, answers.and_then(|a| a[k].as_ref()));
@@ -93,14 +93,15 @@ impl Plants {
 }
 
 /// Changes a branch by factors. `answer` is how the wind moved it before.
-fn edit_branch(branch: &mut Branch, edit: &BranchEdit, answer: Option<&Answer>) {
+fn edit_branch(branch: &mut Branch, edit: &BranchEdit, answer: Option<&WindResponse>) {
     if edit.taper != 1.0 {
         branch.set_taper((branch.taper() * f64::from(edit.taper)).clamp(TAPER_MIN, TAPER_MAX));
     }
     let added = f64::from(edit.load - 1.0) * branch.load;
     branch.load += added;
     branch.bending_load += added;
-    let Some(Answer { sway, .. }) = answer.filter(|_| [edit.lean, edit.resonance, edit.damping] != [1.0; 3]) else {
+    let Some(WindResponse { sway, .. }) = answer.filter(|_| [edit.lean, edit.resonance, edit.damping] != [1.0; 3])
+    else {
         return;
     };
     // All three are stated then, so that each factor changes its own quantity only.
@@ -109,7 +110,7 @@ fn edit_branch(branch: &mut Branch, edit: &BranchEdit, answer: Option<&Answer>) 
     let lean = stated.lean_per_m_s.unwrap_or(sway.lean / sway.wind.speed);
     let resonance = stated.resonance_hz.unwrap_or(oscillator.resonance);
     let damping = stated.damping.unwrap_or(oscillator.damping / (4.0 * PI * oscillator.resonance));
-    branch.stated = Stated {
+    branch.stated = BranchMotion {
         lean_per_m_s: Some((lean * f64::from(edit.lean)).clamp(LEANS[0], LEANS[1])),
         resonance_hz: Some((resonance * f64::from(edit.resonance)).clamp(RESONANCES[0], RESONANCES[1])),
         damping: Some((damping * f64::from(edit.damping)).clamp(DAMPINGS[0], DAMPINGS[1])),

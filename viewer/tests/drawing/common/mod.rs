@@ -6,7 +6,8 @@ pub mod skips;
 
 use glam::{Quat, Vec2, Vec3, Vec4};
 use mesophyll_viewer::scene::{
-    Camera, Interior, Leaf, Lobe, Material, Mesh, Scene, Section, Sections, SideMaps, Sides, SlabCurve, Sun,
+    Camera, Interior, LeafMaterial, Lobe, Material, Mesh, Scene, SectionAnimation, SectionMotion, SideMaps, Sides,
+    SlabCurve, Sun,
 };
 use mesophyll_viewer::{Error, Options, Renderer};
 use std::sync::Arc;
@@ -79,9 +80,9 @@ pub fn side(texels: usize, curve: SlabCurve) -> SideMaps {
 }
 
 /// A flat, matte, uniform leaf.
-pub fn uniform_leaf() -> Leaf {
+pub fn uniform_leaf() -> LeafMaterial {
     let (width, height) = (8, 8);
-    Leaf {
+    LeafMaterial {
         name: "flat".into(),
         width,
         height,
@@ -93,12 +94,12 @@ pub fn uniform_leaf() -> Leaf {
 }
 
 /// A square of 10 mm to each side as this leaf.
-pub fn scene_of(leaf: Leaf) -> Scene {
+pub fn scene_of(leaf: LeafMaterial) -> Scene {
     on_mesh(square(10.0), leaf)
 }
 
 /// A mesh as this leaf.
-pub fn on_mesh(mesh: Mesh, leaf: Leaf) -> Scene {
+pub fn on_mesh(mesh: Mesh, leaf: LeafMaterial) -> Scene {
     let mut scene = Scene { exposure: 1.0, shadow_samples: 0, shadow_resolution: 512, msaa: 1, ..Scene::default() };
     let one = scene.add(mesh, Material::Leaf(leaf));
     scene.instances.push(one);
@@ -106,7 +107,7 @@ pub fn on_mesh(mesh: Mesh, leaf: Leaf) -> Scene {
 }
 
 /// The leaf with this index among the materials.
-pub fn leaf(scene: &mut Scene, material: usize) -> &mut Leaf {
+pub fn leaf(scene: &mut Scene, material: usize) -> &mut LeafMaterial {
     scene.leaf_mut(material).expect("a leaf")
 }
 
@@ -191,7 +192,7 @@ pub fn bent(half: f32, n: usize, bend: f32) -> Mesh {
 
 /// Sections across x of a leaf of [`square`] or [`bent`], whose vertices they carry one by one: the leaf swings about
 /// the line x = −12 by `still` radians at once and by up to 0.3 radians, once in 20 s.
-pub fn swinging(mesh: &Mesh, still: f32) -> Sections {
+pub fn swinging(mesh: &Mesh, still: f32) -> SectionAnimation {
     let columns: Vec<f32> = {
         let mut all: Vec<f32> = mesh.positions.iter().map(|p| p.x).collect();
         all.sort_by(f32::total_cmp);
@@ -207,9 +208,9 @@ pub fn swinging(mesh: &Mesh, still: f32) -> Sections {
             // The way from the line grows with x, and so does the turn.
             let turn = Quat::from_rotation_y(-angle * (x + 12.0) / 24.0);
             let from = Vec3::X * *x;
-            Section { from, to: Vec3::X * -12.0 + turn * (from + Vec3::X * 12.0), turn }
+            SectionMotion { from, to: Vec3::X * -12.0 + turn * (from + Vec3::X * 12.0), turn }
         };
         columns.iter().map(section).collect()
     };
-    Sections { count, of_vertices, turn_normals: true, poses: None, at: Arc::new(at) }
+    SectionAnimation { count, of_vertices, turn_normals: true, poses: None, at: Arc::new(at) }
 }

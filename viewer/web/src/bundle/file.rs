@@ -73,7 +73,7 @@ impl Bundle {
             return Err(Error::Large);
         }
         let mut bundle: Bundle = ciborium::from_reader(contents.as_slice()).map_err(damaged)?;
-        bundle.scene.sections = bundle.still.as_ref().map(crate::bundle::Still::sections);
+        bundle.scene.sections = bundle.still.as_ref().map(crate::bundle::StillSections::sections);
         bundle.validate()?;
         Ok(bundle)
     }

@@ -12,7 +12,7 @@ mod file;
 mod slab;
 
 pub use file::{Error, LARGEST, VERSION};
-use mesophyll_viewer::scene::{Camera, Scene, Section, Sections, Sides};
+use mesophyll_viewer::scene::{Camera, Scene, SectionAnimation, SectionMotion, Sides};
 use serde::{Deserialize, Serialize};
 pub use slab::{EditError, slab, slab_curve};
 use std::sync::Arc;
@@ -27,16 +27,16 @@ pub struct Bundle {
     /// The things that the renderer draws, at one time.
     pub scene: Scene,
     /// The plants' cross-sections at that time; `None` where nothing bends.
-    pub still: Option<Still>,
+    pub still: Option<StillSections>,
     /// The cameras, of which there is at least one.
-    pub views: Vec<View>,
+    pub views: Vec<BundleView>,
     /// The leaves whose slabs can be edited.
     pub leaves: Vec<LeafSlabs>,
 }
 
 /// A camera, and what the reference renderer draws there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct View {
+pub struct BundleView {
     /// Name of the view.
     pub name: String,
     /// The camera.
@@ -69,17 +69,17 @@ pub struct SideSlab {
 
 /// The cross-sections that carry a plant's leaves and bark, at one time.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Still {
-    sections: Vec<Section>,
+pub struct StillSections {
+    sections: Vec<SectionMotion>,
     of_vertices: Arc<Vec<u32>>,
     turn_normals: bool,
 }
 
-impl Still {
+impl StillSections {
     /// The sections of a scene at the time of its wind.
-    pub fn of(scene: &Scene) -> Option<Still> {
+    pub fn of(scene: &Scene) -> Option<StillSections> {
         let sections = scene.sections.as_ref()?;
-        Some(Still {
+        Some(StillSections {
             sections: (sections.at)(scene.wind.as_ref().map_or(0.0, |w| w.time_s)),
             of_vertices: sections.of_vertices.clone(),
             turn_normals: sections.turn_normals,
@@ -87,9 +87,9 @@ impl Still {
     }
 
     /// The same as sections that stand still.
-    pub fn sections(&self) -> Sections {
+    pub fn sections(&self) -> SectionAnimation {
         let at = self.sections.clone();
-        Sections {
+        SectionAnimation {
             count: at.len(),
             of_vertices: self.of_vertices.clone(),
             turn_normals: self.turn_normals,

@@ -6,11 +6,11 @@
 //! cargo run -p mesophyll-window --example leaf -- --window shot.png 3      the window for three frames, drawn
 //! ```
 
-mod made_up;
+mod example_leaf;
 
 use mesophyll_viewer::scene::{Camera, Interior, Scene, Side, Sides};
 use mesophyll_viewer::{Options, Picture, Renderer};
-use mesophyll_window::editor::{Editor, LeafEdit, LeafUpdate, Measure, ReferencePicture, Verdict};
+use mesophyll_window::editor::{ComparisonVerdict, DisplayPicture, Editor, LeafEdit, LeafUpdate, VerdictMeasure};
 use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
 /// Replaces the program around the window. Its slab is a two-stream model, and its reference is the renderer without
@@ -19,11 +19,11 @@ struct StandIn;
 
 impl Editor for StandIn {
     fn start(&self, _: usize) -> LeafEdit {
-        LeafEdit { thickness_mm: 0.2, sides: Sides::of(made_up::start) }
+        LeafEdit { thickness_mm: 0.2, sides: Sides::of(example_leaf::start) }
     }
 
     fn recompute(&mut self, _: usize, edit: &LeafEdit) -> Result<LeafUpdate, String> {
-        let interior = |side| Interior::Scalars(made_up::curve(&edit.sides[side]));
+        let interior = |side| Interior::Scalars(example_leaf::curve(&edit.sides[side]));
         Ok(LeafUpdate { thickness_mm: edit.thickness_mm, sides: Sides::of(interior) })
     }
 
@@ -31,29 +31,23 @@ impl Editor for StandIn {
         Err("a made-up leaf has no fit to save".into())
     }
 
-    fn reference(
-        &mut self,
-        scene: &Scene,
-        camera: &Camera,
-        width: u32,
-        height: u32,
-    ) -> Result<ReferencePicture, String> {
+    fn reference(&mut self, scene: &Scene, camera: &Camera, width: u32, height: u32) -> Result<DisplayPicture, String> {
         let mut renderer = Renderer::headless(&Options::default()).map_err(|e| e.to_string())?;
         let bare = Scene { shadow_samples: 0, ..scene.clone() };
         renderer.set_scene(&bare).map_err(|e| e.to_string())?;
         let picture = renderer.render(camera, width, height).map_err(|e| e.to_string())?;
-        Ok(ReferencePicture { width, height, ldr: picture.ldr })
+        Ok(DisplayPicture { width, height, ldr: picture.ldr })
     }
 
-    fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict {
+    fn judge(&mut self, picture: &Picture, reference: &DisplayPicture) -> ComparisonVerdict {
         let worst = picture.ldr.iter().zip(&reference.ldr).map(|(a, b)| a[1].abs_diff(b[1])).max().unwrap_or(0);
-        let measure = Measure { name: "largest error".into(), value: f64::from(worst) / 255.0, threshold: 0.05 };
+        let measure = VerdictMeasure { name: "largest error".into(), value: f64::from(worst) / 255.0, threshold: 0.05 };
         let note = "This stand-in reference casts no shadows.".into();
-        Verdict { passed: measure.value <= measure.threshold, measures: vec![measure], note }
+        ComparisonVerdict { passed: measure.value <= measure.threshold, measures: vec![measure], note }
     }
 
     fn probe(&self, _: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)> {
-        let t = made_up::side(side).gamma_delta[(texel[1] * made_up::WIDTH + texel[0]) as usize];
+        let t = example_leaf::side(side).gamma_delta[(texel[1] * example_leaf::WIDTH + texel[0]) as usize];
         vec![
             ("γ".into(), format!("{:.3} {:.3} {:.3}", t[0], t[1], t[2])),
             ("δ".into(), format!("{:+.3} mm", t[3])),
@@ -67,9 +61,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if words.first().is_some_and(|w| w == "--window") {
         let scene = WindowScene {
             title: "made-up leaf".into(),
-            scene: made_up::scene(true),
-            camera: made_up::camera(),
-            views: vec![WindowView { name: "above".into(), camera: made_up::camera(), time_s: None }],
+            scene: example_leaf::scene(true),
+            camera: example_leaf::camera(),
+            views: vec![WindowView { name: "above".into(), camera: example_leaf::camera(), time_s: None }],
             check_size: [400, 300],
             screenshots: ".".into(),
         };
@@ -79,9 +73,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let path = words.first().map_or("leaf.png", String::as_str);
     let mut renderer = Renderer::headless(&Options::default())?;
-    renderer.set_scene(&made_up::scene(true))?;
-    renderer.render(&made_up::camera(), 800, 600)?.save_png(path.as_ref())?;
-    let timing = renderer.time(&made_up::camera(), 800, 600, 5)?;
+    renderer.set_scene(&example_leaf::scene(true))?;
+    renderer.render(&example_leaf::camera(), 800, 600)?.save_png(path.as_ref())?;
+    let timing = renderer.time(&example_leaf::camera(), 800, 600, 5)?;
     println!("{:?}: median {:.1?} ms, {:.1?}", renderer.adapter(), timing.quantile(0.5), timing.passes);
     println!("{:#?}", renderer.stats());
     Ok(())

@@ -2,12 +2,13 @@
 
 use crate::common::*;
 use glam::{Mat4, Vec3};
-use mesophyll_viewer::scene::{Camera, Dome, Instance, Interior, Material, Scene, Side, Sides};
+use mesophyll_viewer::scene::{Camera, Instance, Interior, Material, Scene, Side, Sides, SkyDome};
 use mesophyll_viewer::{Error, Options, Picture};
 use mesophyll_window::editor::{
-    Editor, LeafEdit, LeafUpdate, Measure, PlantEdits, PlantInfo, ReferencePicture, SideEdit, SkyUpdate, Verdict,
+    ComparisonVerdict, DisplayPicture, Editor, LeafEdit, LeafUpdate, PlantEdits, PlantInfo, SideEdit, SkyUpdate,
+    VerdictMeasure,
 };
-use mesophyll_window::{Stage, ViewerUi, WindowScene, WindowView};
+use mesophyll_window::{ViewerUi, WindowScene, WindowStage, WindowView};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -104,16 +105,19 @@ impl Editor for Toy {
         Ok("fits/edited".into())
     }
 
-    fn reference(&mut self, _: &Scene, _: &Camera, width: u32, height: u32) -> Result<ReferencePicture, String> {
+    fn reference(&mut self, _: &Scene, _: &Camera, width: u32, height: u32) -> Result<DisplayPicture, String> {
         self.asked.borrow_mut().checked += 1;
-        Ok(ReferencePicture { width, height, ldr: vec![[0; 4]; (width * height) as usize] })
+        Ok(DisplayPicture { width, height, ldr: vec![[0; 4]; (width * height) as usize] })
     }
 
-    fn judge(&mut self, picture: &Picture, reference: &ReferencePicture) -> Verdict {
+    fn judge(&mut self, picture: &Picture, reference: &DisplayPicture) -> ComparisonVerdict {
         let worst = picture.ldr.iter().zip(&reference.ldr).map(|(a, b)| a[1].abs_diff(b[1])).max().unwrap_or(0);
-        let measure =
-            Measure { name: "largest error inside leaves".into(), value: f64::from(worst) / 255.0, threshold: 0.02 };
-        Verdict { passed: measure.value <= measure.threshold, measures: vec![measure], note: String::new() }
+        let measure = VerdictMeasure {
+            name: "largest error inside leaves".into(),
+            value: f64::from(worst) / 255.0,
+            threshold: 0.02,
+        };
+        ComparisonVerdict { passed: measure.value <= measure.threshold, measures: vec![measure], note: String::new() }
     }
 
     fn probe(&self, _: usize, side: Side, texel: [u32; 2]) -> Vec<(String, String)> {
@@ -122,7 +126,7 @@ impl Editor for Toy {
 }
 
 pub struct Bench {
-    pub stage: Stage,
+    pub stage: WindowStage,
     pub ui: ViewerUi,
     pub asked: Rc<RefCell<Asked>>,
     pub time: f64,
@@ -158,9 +162,9 @@ pub fn two_leaves() -> (WindowScene, Toy) {
 }
 
 /// A sky that becomes brighter with the turbidity. Any rule will do whose effect the test can see in the picture.
-pub fn even_dome(sun: Vec3, turbidity: f32) -> Dome {
+pub fn even_dome(sun: Vec3, turbidity: f32) -> SkyDome {
     let l = 0.1 * turbidity;
-    Dome {
+    SkyDome {
         harmonics: vec![[l * (4.0 * std::f32::consts::PI).sqrt(); 3]],
         picture: None,
         perez: [[0.0; 5]; 3],
@@ -177,7 +181,7 @@ pub fn bench() -> Option<Bench> {
 }
 
 pub fn bench_on((window, toy): (WindowScene, Toy)) -> Option<Bench> {
-    let stage = match Stage::headless(&Options::default()) {
+    let stage = match WindowStage::headless(&Options::default()) {
         Ok(stage) => stage,
         Err(Error::NoAdapter) => {
             skips::skip(skips::Need::Adapter, "no graphics adapter");

@@ -3,8 +3,8 @@
 use crate::bench::{bench, bench_on, two_leaves};
 use crate::common::*;
 use glam::Vec3;
-use mesophyll_viewer::scene::{Basis, Coefficients, Interior, Translucency};
-use mesophyll_window::editor::{BranchEdit, Part, PlantInfo};
+use mesophyll_viewer::scene::{CoefficientMaps, Interior, Translucency, TranslucencyBasis};
+use mesophyll_window::editor::{BranchEdit, PlantInfo, PlantPart};
 
 #[test]
 fn a_thicker_leaf_goes_through_the_editor_and_dims() {
@@ -51,8 +51,8 @@ fn translucency_maps_are_taken_off_and_put_back() {
     let (mut window, toy) = two_leaves();
     window.scene.sun = Some(sun(Vec3::new(-0.4, 0.3, -1.0)));
     // A tenth of a flat leaf's light, so that the effect of the maps is visible.
-    let coefficients = Coefficients::Factor(vec![[0.0836; 3]; 64]);
-    let maps = Translucency { basis: Basis::Bent, coefficients };
+    let coefficients = CoefficientMaps::Factor(vec![[0.0836; 3]; 64]);
+    let maps = Translucency { basis: TranslucencyBasis::Bent, coefficients };
     leaf(&mut window.scene, 0).sides.back.translucency = Some(maps.clone());
     let Some(mut bench) = bench_on((window, toy)) else { return };
     let (dim, dimmed) = (bench.brightness(), bench.pixels());
@@ -108,7 +108,7 @@ fn branches_are_edited_by_level_and_by_name_and_saved() {
     let handle = egui::pos2(slider.left() + 16.0, slider.center().y);
     bench.drag(handle, egui::vec2(30.0, 0.0));
     let edits = bench.ui.branch_edits().clone();
-    let edit = edits[&(0, Part::Level(0))];
+    let edit = edits[&(0, PlantPart::Level(0))];
     assert!(edit.load > 2.0 && BranchEdit { load: 1.0, ..edit } == BranchEdit::NONE, "{edit:?}");
     // The plants are posed once, when the pointer lets go.
     assert_eq!(bench.asked.borrow().bent, [edits]);
@@ -135,10 +135,10 @@ fn branches_are_edited_by_level_and_by_name_and_saved() {
         assert_eq!(bench.ui.message().contains("no branch \"oak\""), !found, "{}", bench.ui.message());
     }
     bench.drag(handle, egui::vec2(30.0, 0.0));
-    assert!(bench.ui.branch_edits().contains_key(&(0, Part::Branch(2))), "{:?}", bench.ui.branch_edits());
+    assert!(bench.ui.branch_edits().contains_key(&(0, PlantPart::Branch(2))), "{:?}", bench.ui.branch_edits());
     // A refusal is told, and nothing changes.
     let kept = bench.ui.branch_edits().clone();
-    bench.ui.set_branches(0, Part::Level(1), BranchEdit { load: 10.0, ..BranchEdit::NONE });
+    bench.ui.set_branches(0, PlantPart::Level(1), BranchEdit { load: 10.0, ..BranchEdit::NONE });
     assert!(bench.ui.message() == "its tip goes too far" && *bench.ui.branch_edits() == kept);
     bench.frame(vec![]);
     bench.click("save plant");

@@ -88,13 +88,13 @@ fn every_edit_is_undone_and_done_again() {
 
 #[test]
 fn branches_are_undone_too() {
-    use mesophyll_window::editor::{BranchEdit, Part, PlantInfo};
+    use mesophyll_window::editor::{BranchEdit, PlantInfo, PlantPart};
     let (window, toy) = two_leaves();
     let branches = vec![("trunk".into(), 0), ("1.0".into(), 1)];
     toy.asked.borrow_mut().plants = Some((vec![PlantInfo { name: "twig".into(), branches }], window.scene.clone()));
     let Some(mut bench) = bench_on((window, toy)) else { return };
     let up = |bench: &Bench| bench.ui.scene().instances[1].transform.w_axis.z;
-    bench.ui.set_branches(0, Part::Level(0), BranchEdit { load: 3.0, ..BranchEdit::NONE });
+    bench.ui.set_branches(0, PlantPart::Level(0), BranchEdit { load: 3.0, ..BranchEdit::NONE });
     bench.frame(vec![]);
     assert_eq!(up(&bench), 2.0);
     bench.ui.undo();

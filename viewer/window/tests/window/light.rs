@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, PIXELS, bench, bench_on, even_dome, two_leaves};
 use glam::{Quat, Vec3};
-use mesophyll_viewer::scene::{Carried, Section, Sections, Wind};
+use mesophyll_viewer::scene::{SectionAnimation, SectionBinding, SectionMotion, WindState};
 use mesophyll_window::WindowView;
 use std::sync::Arc;
 
@@ -86,19 +86,19 @@ fn the_sun_moves_and_shadows_follow() {
 #[test]
 fn a_swaying_leaf_plays_and_stops() {
     let (mut window, toy) = two_leaves();
-    window.scene.sections = Some(Sections {
+    window.scene.sections = Some(SectionAnimation {
         count: 1,
         of_vertices: Arc::new(Vec::new()),
         turn_normals: true,
         poses: None,
         at: Arc::new(|time| {
             let to = Vec3::Z * (9.0 * (0.5 * std::f64::consts::TAU * time).sin()) as f32;
-            vec![Section { from: Vec3::ZERO, to, turn: Quat::IDENTITY }]
+            vec![SectionMotion { from: Vec3::ZERO, to, turn: Quat::IDENTITY }]
         }),
     });
-    window.scene.wind = Some(Wind { time_s: 0.0 });
+    window.scene.wind = Some(WindState { time_s: 0.0 });
     window.views.push(WindowView { name: "later".into(), camera: window.camera, time_s: Some(0.9) });
-    window.scene.instances[1].carried = Some(Carried { first: 0, vertices: None });
+    window.scene.instances[1].carried = Some(SectionBinding { first: 0, vertices: None });
     let Some(mut bench) = bench_on((window, toy)) else { return };
     let time = |bench: &Bench| bench.ui.scene().wind.as_ref().map_or(f64::NAN, |w| w.time_s);
     let rect = bench.ui.landmark_rect("picture").expect("picture");

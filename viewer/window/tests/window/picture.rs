@@ -3,7 +3,7 @@
 use crate::bench::{Bench, PIXELS, bench};
 use crate::common::*;
 use glam::Vec3;
-use mesophyll_viewer::pick::pick;
+use mesophyll_viewer::picking::pick;
 use mesophyll_viewer::scene::{Camera, Side};
 
 #[test]

@@ -1,8 +1,8 @@
 //! Records with faults: drift, wild readings, gaps, times of loggers, too few readings a second.
 
-use super::read::{Reading, read};
+use super::reader::{MotionReading, read};
 use super::*;
-use mesophyll_files::table::Table;
+use mesophyll_files::table::InputTable;
 
 const F: f64 = 1.4;
 const GAMMA: f64 = 3.0;
@@ -14,13 +14,13 @@ fn swaying(n: usize, seed: u64) -> Vec<f64> {
     stepped(F, GAMMA, 300.0, STEP, n, seed)
 }
 
-fn of(step: f64, readings: Vec<f64>) -> Record {
-    Record { step, channels: vec![readings], ..Record::default() }
+fn of(step: f64, readings: Vec<f64>) -> MotionRecord {
+    MotionRecord { step, channels: vec![readings], ..MotionRecord::default() }
 }
 
 /// The force is white, which is a wind of endless speed.
-fn white() -> Known {
-    Known { speed: Some(1e9), ..Known::default() }
+fn white() -> MotionPrior {
+    MotionPrior { speed: Some(1e9), ..MotionPrior::default() }
 }
 
 /// Root mean square of (found − true)/error of resonance and damping over several motions with a fault, all of which
@@ -31,7 +31,7 @@ fn pulls(says: &str, seeds: std::ops::Range<u64>, fault: impl Fn(Vec<f64>, &mut 
         let found = fit(&of(STEP, fault(swaying(4096, seed), &mut rng)), &white()).unwrap();
         assert!(found.status.is_ok(), "{says} {seed}: {found:?}");
         assert!(found.taken_out.iter().any(|t| t.contains(says)) || says.is_empty(), "{says} {seed}: {found:?}");
-        let pull = |v: Value, truth: f64| ((v.value - truth) / v.error).powi(2);
+        let pull = |v: MotionEstimate, truth: f64| ((v.value - truth) / v.error).powi(2);
         pull(found.resonance, F) + pull(found.damping, GAMMA)
     };
     let count = 2.0 * (seeds.end - seeds.start) as f64;
@@ -87,7 +87,7 @@ fn wild_readings_are_left_out() {
     assert!(found.status.leaves_open("damping_per_s") && found.status.to_string().contains("are wild"), "{found:?}");
     // Readings that are right are left alone.
     let rms = pulls("", 120..126, |r, _| {
-        assert!(clean::clean(&of(STEP, r.clone())).left_out.is_empty());
+        assert!(cleaning::clean(&of(STEP, r.clone())).left_out.is_empty());
         r
     });
     assert!(rms < CHANCE, "{rms}");
@@ -115,7 +115,7 @@ fn a_resonance_above_half_the_rate_is_thought_of() {
     let statuses = |f: f64, ratio: f64, rate: f64| -> Vec<String> {
         let one = |seed: u64| {
             let readings = stepped(f, ratio * 2.0 * TAU * f, 300.0, 1.0 / rate, 2000, seed);
-            fit(&of(1.0 / rate, readings), &Known::default()).unwrap().status.to_string()
+            fit(&of(1.0 / rate, readings), &MotionPrior::default()).unwrap().status.to_string()
         };
         (0..4u64).into_par_iter().map(one).collect()
     };
@@ -136,7 +136,7 @@ fn a_resonance_above_half_the_rate_is_thought_of() {
 #[test]
 fn records_that_are_none_are_named() {
     let r = swaying(2048, 5);
-    let why = |record: Record| fit(&record, &Known::default()).unwrap().status.to_string();
+    let why = |record: MotionRecord| fit(&record, &MotionPrior::default()).unwrap().status.to_string();
     let twice = r.iter().flat_map(|r| [*r, *r]).collect();
     assert!(why(of(STEP, twice)).contains("repeat the one before"));
     let between = r.windows(2).flat_map(|w| [w[0], 0.5 * (w[0] + w[1])]).collect();
@@ -152,13 +152,19 @@ fn records_that_are_none_are_named() {
     assert!(found.status.is_ok() && found.taken_out[0].contains("99 readings of u_mm that repeat"), "{found:?}");
 }
 
-fn table(rows: impl IntoIterator<Item = String>, header: &str) -> Table {
+fn table(rows: impl IntoIterator<Item = String>, header: &str) -> InputTable {
     let text = std::iter::once(header.to_string()).chain(rows).collect::<Vec<_>>().join("\n");
-    Table::from_reader(Box::new(std::io::Cursor::new(text)), "sway.csv".into()).unwrap()
+    InputTable::from_reader(Box::new(std::io::Cursor::new(text)), "sway.csv".into()).unwrap()
 }
 
 /// Times as they are written, and the record that stands behind them.
-fn times(rate: f64, n: usize, dropped: &[usize], written: impl Fn(f64) -> String, stated: Option<f64>) -> Reading {
+fn times(
+    rate: f64,
+    n: usize,
+    dropped: &[usize],
+    written: impl Fn(f64) -> String,
+    stated: Option<f64>,
+) -> MotionReading {
     let kept = (0..n).filter(|k| !dropped.contains(k));
     let rows = kept.map(|k| format!("{},{}", written(k as f64 / rate), (k as f64 * 0.37).sin()));
     let found = read(table(rows, "time_s,u_mm"), stated).unwrap();

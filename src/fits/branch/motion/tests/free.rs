@@ -33,8 +33,8 @@ fn noisy(mut readings: Vec<f64>, noise: f64, seed: u64) -> Vec<f64> {
     readings
 }
 
-fn record(step: f64, channels: Vec<Vec<f64>>) -> Record {
-    Record { step, channels, ..Record::default() }
+fn record(step: f64, channels: Vec<Vec<f64>>) -> MotionRecord {
+    MotionRecord { step, channels, ..MotionRecord::default() }
 }
 
 #[test]
@@ -50,10 +50,10 @@ fn a_branch_let_go_is_found_within_its_errors() {
         if seed % 2 == 1 {
             channels.push(one([-5.0, 20.0], 700 + seed));
         }
-        let found = fit(&record(0.04, channels), &Known::default()).unwrap();
-        assert!(found.kind == Kind::FreeDecay && found.status.is_ok(), "{f} {ratio}: {found:?}");
+        let found = fit(&record(0.04, channels), &MotionPrior::default()).unwrap();
+        assert!(found.kind == MotionKind::FreeDecay && found.status.is_ok(), "{f} {ratio}: {found:?}");
         assert!(found.gains.is_empty() && found.deviance.is_nan());
-        let pull = |v: Value, truth: f64| (v.value - truth) / v.error;
+        let pull = |v: MotionEstimate, truth: f64| (v.value - truth) / v.error;
         pulls.push([pull(found.resonance, f), pull(found.damping, gamma), pull(found.ratio, ratio)]);
     }
     for k in 0..3 {
@@ -82,7 +82,7 @@ fn other_decays_are_not_called_found() {
     let pushed: Vec<f64> =
         one(1.2, 0.5, 30.0).iter().zip(stepped(1.2, 0.5, 30.0, 0.05, 600, 3)).map(|(a, b)| a + b).collect();
     for (name, motion) in [("modes", modes), ("drag", dragged), ("gusts", pushed)] {
-        let found = fit(&record(0.05, vec![noisy(motion, 0.05, 1)]), &Known::default()).unwrap();
+        let found = fit(&record(0.05, vec![noisy(motion, 0.05, 1)]), &MotionPrior::default()).unwrap();
         assert!(found.status.leaves_open("damping_per_s"), "{name}: {found:?}");
     }
 }
@@ -92,9 +92,11 @@ fn other_decays_are_not_called_found() {
 fn a_kind_that_is_stated_is_taken_and_judged() {
     let decay = record(0.05, vec![noisy(let_go(1.2, 0.75, [30.0, 0.0], 0.05, 600), 0.05, 1)]);
     let gusts = record(0.05, vec![stepped(1.3, 3.0, 30.0, 0.05, 8192, 1)]);
-    for (record, right, wrong) in [(&decay, Kind::FreeDecay, Kind::Gusts), (&gusts, Kind::Gusts, Kind::FreeDecay)] {
-        let taken = |kind: Kind| fit(record, &Known { kind, ..Known::default() }).unwrap();
-        let [auto, stated, other] = [Kind::Auto, right, wrong].map(taken);
+    for (record, right, wrong) in
+        [(&decay, MotionKind::FreeDecay, MotionKind::Gusts), (&gusts, MotionKind::Gusts, MotionKind::FreeDecay)]
+    {
+        let taken = |kind: MotionKind| fit(record, &MotionPrior { kind, ..MotionPrior::default() }).unwrap();
+        let [auto, stated, other] = [MotionKind::Auto, right, wrong].map(taken);
         assert!(auto.kind == right && auto.status.is_ok(), "{auto:?}");
         assert_eq!((stated.kind, stated.resonance), (right, auto.resonance));
         assert!(other.kind == wrong && other.status.leaves_open("resonance_hz"), "{other:?}");
@@ -106,11 +108,11 @@ fn a_kind_that_is_stated_is_taken_and_judged() {
 fn the_release_and_drift_are_found() {
     let swing = let_go(1.2, 0.75, [30.0, 0.0], 0.05, 500);
     let held: Vec<f64> = std::iter::repeat_n(30.0, 90).chain(swing.iter().copied()).collect();
-    let found = fit(&record(0.05, vec![noisy(held, 0.1, 4)]), &Known::default()).unwrap();
+    let found = fit(&record(0.05, vec![noisy(held, 0.1, 4)]), &MotionPrior::default()).unwrap();
     assert!(found.status.is_ok() && found.taken_out.iter().any(|t| t.contains("before the release")), "{found:?}");
     assert!((found.damping.value - 0.75).abs() < 4.0 * found.damping.error, "{found:?}");
     let drifting: Vec<f64> = swing.iter().enumerate().map(|(k, u)| u + 0.02 * k as f64).collect();
-    let found = fit(&record(0.05, vec![noisy(drifting, 0.1, 5)]), &Known::default()).unwrap();
+    let found = fit(&record(0.05, vec![noisy(drifting, 0.1, 5)]), &MotionPrior::default()).unwrap();
     assert!(found.status.is_ok() && found.taken_out.iter().any(|t| t.contains("drift")), "{found:?}");
     assert!((found.damping.value - 0.75).abs() < 4.0 * found.damping.error, "{found:?}");
 }

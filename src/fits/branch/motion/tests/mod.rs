@@ -1,8 +1,8 @@
 mod faults;
 mod free;
 
-use super::spectra::Spectra;
-use super::whittle::{Expected, Parameters};
+use super::spectra::Periodograms;
+use super::whittle::{ExpectedPeriodograms, GustParameters};
 use super::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -47,10 +47,14 @@ fn an_oscillator_that_is_stepped_in_time_is_found_within_its_errors() {
     let pulls: Vec<[f64; 3]> = (0..24u64)
         .into_par_iter()
         .map(|seed| {
-            let record = Record { step, channels: vec![stepped(f, gamma, 3.0, step, 2048, seed)], ..Record::default() };
-            let found = fit(&record, &Known { speed: Some(1e9), ..Known::default() }).unwrap();
+            let record = MotionRecord {
+                step,
+                channels: vec![stepped(f, gamma, 3.0, step, 2048, seed)],
+                ..MotionRecord::default()
+            };
+            let found = fit(&record, &MotionPrior { speed: Some(1e9), ..MotionPrior::default() }).unwrap();
             assert!(found.resonance.error < 0.05 && found.bins > 100);
-            let pull = |v: Value, truth: f64| (v.value - truth) / v.error;
+            let pull = |v: MotionEstimate, truth: f64| (v.value - truth) / v.error;
             [pull(found.resonance, f), pull(found.damping, gamma), pull(found.gains[0], gain)]
         })
         .collect();
@@ -67,11 +71,11 @@ fn an_oscillator_that_is_stepped_in_time_is_found_within_its_errors() {
 #[test]
 fn the_mean_of_periodograms_is_as_expected() {
     let (f, gamma, step, n) = (2.0f64, 1.5, 0.1, 256);
-    let known = Known { speed: Some(1e9), ..Known::default() };
-    let spectra = Spectra::new(&[vec![1.0; n]], step, 0.0, 0.0, 0);
-    let expected = Expected::new(&spectra, &known, (1, n / 2 - 1), false);
+    let known = MotionPrior { speed: Some(1e9), ..MotionPrior::default() };
+    let spectra = Periodograms::new(&[vec![1.0; n]], step, 0.0, 0.0, 0);
+    let expected = ExpectedPeriodograms::new(&spectra, &known, (1, n / 2 - 1), false);
     let gain2 = 2.0 / (TAU * f).powi(4);
-    let mean = expected.mean(&Parameters(vec![f.ln(), f64::ln(gamma), 0.0])).remove(0);
+    let mean = expected.mean(&GustParameters(vec![f.ln(), f64::ln(gamma), 0.0])).remove(0);
     let runs = 400;
     let all: Vec<Vec<f64>> =
         (0..runs).into_par_iter().map(|s| periodogram(&stepped(f, gamma, 1.0, step, n, 50 + s), step)).collect();
@@ -85,16 +89,17 @@ fn the_mean_of_periodograms_is_as_expected() {
 
 #[test]
 fn what_cannot_be_fitted_says_why() {
-    let still = Record { step: 0.1, channels: vec![vec![1.0; 200]], ..Record::default() };
-    assert!(fit(&still, &Known::default()).unwrap_err().contains("nothing moves"));
-    let short = Record { step: 0.1, channels: vec![vec![1.0; 20]], ..Record::default() };
-    assert!(fit(&short, &Known::default()).unwrap_err().contains("20 readings"));
-    let record = Record { step: 0.05, channels: vec![stepped(1.3, 2.0, 3.0, 0.05, 512, 1)], ..Record::default() };
-    let none = Known { band: [Some(3.0), Some(3.1)], ..Known::default() };
+    let still = MotionRecord { step: 0.1, channels: vec![vec![1.0; 200]], ..MotionRecord::default() };
+    assert!(fit(&still, &MotionPrior::default()).unwrap_err().contains("nothing moves"));
+    let short = MotionRecord { step: 0.1, channels: vec![vec![1.0; 20]], ..MotionRecord::default() };
+    assert!(fit(&short, &MotionPrior::default()).unwrap_err().contains("20 readings"));
+    let record =
+        MotionRecord { step: 0.05, channels: vec![stepped(1.3, 2.0, 3.0, 0.05, 512, 1)], ..MotionRecord::default() };
+    let none = MotionPrior { band: [Some(3.0), Some(3.1)], ..MotionPrior::default() };
     assert!(fit(&record, &none).unwrap_err().contains("frequencies from"));
     // The band begins beyond the frequencies that the readings resolve.
     for lowest in [100.0, 1e300] {
-        let beyond = Known { band: [Some(lowest), None], ..Known::default() };
+        let beyond = MotionPrior { band: [Some(lowest), None], ..MotionPrior::default() };
         assert!(fit(&record, &beyond).unwrap_err().contains("frequencies from"));
     }
 }
@@ -104,9 +109,13 @@ fn what_cannot_be_fitted_says_why() {
 fn another_spectrum_is_not_called_found() {
     let step = 0.05;
     let [a, b] = [(1.0, 1), (1.9, 2)].map(|(f, seed)| stepped(f, 0.4, 3.0 * f, step, 4096, seed));
-    let record = Record { step, channels: vec![a.iter().zip(&b).map(|(a, b)| a + b).collect()], ..Record::default() };
-    let found = fit(&record, &Known::default()).unwrap();
+    let record = MotionRecord {
+        step,
+        channels: vec![a.iter().zip(&b).map(|(a, b)| a + b).collect()],
+        ..MotionRecord::default()
+    };
+    let found = fit(&record, &MotionPrior::default()).unwrap();
     let Status::Undetermined(why) = &found.status else { panic!("{found:?}") };
     assert!(why.starts_with("resonance_hz") && why.contains("another spectrum"), "{why}");
-    assert!(found.slowness.value >= 0.0 && found.kind == Kind::Gusts);
+    assert!(found.slowness.value >= 0.0 && found.kind == MotionKind::Gusts);
 }

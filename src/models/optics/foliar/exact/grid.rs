@@ -43,7 +43,7 @@ impl<N: Real> Panel<N> {
 
 /// The nodes of all media.
 #[derive(Debug, Clone)]
-pub struct Grid<N> {
+pub struct AngleGrid<N> {
     panels: Vec<Panel<N>>,
     /// t of the nodes, and the matrix that makes coefficients of Legendre polynomials of values at them.
     rule: Vec<(f64, f64)>,
@@ -54,11 +54,11 @@ const SAME: f64 = 1e-12;
 /// A panel that only bends within is not made narrower than this.
 const NARROWEST: f64 = 1e-3;
 
-impl<N: Real> Grid<N> {
+impl<N: Real> AngleGrid<N> {
     /// For light between air and media of the indices `kept`. `others` are indices of further media whose cosines
     /// matter. `bends` are values of s at which functions are not smooth for another reason. Every panel has `order`
     /// nodes.
-    pub fn new(kept: &[N], others: &[N], bends: &[N], order: usize) -> Grid<N> {
+    pub fn new(kept: &[N], others: &[N], bends: &[N], order: usize) -> AngleGrid<N> {
         let mut levels: Vec<N> = vec![N::of(1.0)];
         let mut sorted = kept.to_vec();
         sorted.sort_by(|a, b| a.value().total_cmp(&b.value()));
@@ -85,15 +85,15 @@ impl<N: Real> Grid<N> {
             panels.push(Panel { hi, c_end, close, of_medium });
             lo = hi;
         }
-        Grid { panels, rule: quadrature::unit(order) }
+        AngleGrid { panels, rule: quadrature::unit(order) }
     }
 
     /// The same with one node: that of light whose angle in air has the cosine `cos`. It serves a leaf without lobes,
     /// in which light keeps one angle in each medium.
-    pub fn single(kept: &[N], cos: f64) -> Grid<N> {
-        let grid = Grid::new(kept, &[], &[], 1);
+    pub fn single(kept: &[N], cos: f64) -> AngleGrid<N> {
+        let grid = AngleGrid::new(kept, &[], &[], 1);
         let panels = grid.panels.into_iter().map(|p| Panel { close: None, ..p }).collect();
-        Grid { panels, rule: vec![(cos, 1.0)] }
+        AngleGrid { panels, rule: vec![(cos, 1.0)] }
     }
 
     /// How many panels a medium of the index `n` has.

@@ -5,7 +5,7 @@
 //! drawn again; so all light goes somewhere, which determines the factor. R and T do not depend on azimuth, so it is
 //! integrated out here.
 
-use super::grid::Grid;
+use super::grid::AngleGrid;
 use crate::number::Real;
 use mesophyll_base::quadrature;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -15,23 +15,23 @@ const NEGLIGIBLE: f64 = 40.0;
 
 /// Nodes by which a lobe is integrated.
 #[derive(Debug, Clone)]
-pub struct Rules {
+pub struct LobeRules {
     /// Over φ.
     azimuth: Vec<(f64, f64)>,
     /// Over each smooth piece of θ.
     piece: Vec<(f64, f64)>,
 }
 
-impl Rules {
+impl LobeRules {
     /// `azimuth` nodes over φ and `piece` nodes over each smooth piece of θ.
-    pub fn new(azimuth: usize, piece: usize) -> Rules {
-        Rules { azimuth: quadrature::unit(azimuth), piece: quadrature::unit(piece) }
+    pub fn new(azimuth: usize, piece: usize) -> LobeRules {
+        LobeRules { azimuth: quadrature::unit(azimuth), piece: quadrature::unit(piece) }
     }
 }
 
 /// One node of the integral over θ.
 #[derive(Debug, Clone, Copy)]
-pub struct Point<N> {
+pub struct AngleNode<N> {
     /// Sine of θ.
     pub sin: N,
     /// Cosine of θ.
@@ -46,7 +46,7 @@ fn power(x: f64, p: f64) -> f64 {
 }
 
 /// ∫ max(0, a + b cos φ)^ob dφ over half a turn for a, b ≥ 0 and a + b > 0, divided by (a + b)^ob.
-fn around<N: Real>(rules: &Rules, a: N, b: N, ob: N) -> N {
+fn around<N: Real>(rules: &LobeRules, a: N, b: N, ob: N) -> N {
     let whole = a + b;
     // With z = a/(a + b) the base is z + (1 − z) cos φ = 1 − (1 − z)(1 − cos φ).
     let rest = b / whole;
@@ -90,7 +90,14 @@ fn around<N: Real>(rules: &Rules, a: N, b: N, ob: N) -> N {
 
 /// Nodes over all angles θ to which a ray of sine `sin` and cosine `cos` is turned, with the share of light at each.
 /// `grazing` puts more nodes where cos θ is small.
-pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: N, grazing: bool) -> Vec<Point<N>> {
+pub fn spread<N: Real>(
+    rules: &LobeRules,
+    breaks: &[(N, bool)],
+    sin: N,
+    cos: N,
+    ob: N,
+    grazing: bool,
+) -> Vec<AngleNode<N>> {
     let center = sin.angle(cos);
     let p = ob.value();
     // Beyond this distance the lobe is negligible.
@@ -172,7 +179,7 @@ pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: 
             let near = N::chain(scale, [(p * scale / near.value(), near), (scale * near.value().ln(), ob)]);
             let weight = (around(rules, a, b, ob) * near * s * length).times(dx);
             total = total + weight;
-            points.push(Point { sin: s, cos: c, weight });
+            points.push(AngleNode { sin: s, cos: c, weight });
         }
     };
     for pair in ends.windows(2) {
@@ -192,7 +199,12 @@ pub fn spread<N: Real>(rules: &Rules, breaks: &[(N, bool)], sin: N, cos: N, ob: 
 
 /// Weights that turn the values at the nodes of a medium of the index `n` into the mean over the lobe around a ray.
 /// `through` is the share of light at an angle that goes on.
-pub fn row<N: Real>(grid: &Grid<N>, n: N, points: &[Point<N>], through: impl Fn(&Point<N>) -> N) -> Vec<N> {
+pub fn row<N: Real>(
+    grid: &AngleGrid<N>,
+    n: N,
+    points: &[AngleNode<N>],
+    through: impl Fn(&AngleNode<N>) -> N,
+) -> Vec<N> {
     let mut out = vec![N::of(0.0); grid.len(n)];
     grid.integrate(n, points.iter().map(|q| (q.sin, q.cos, q.weight * through(q))), &mut out);
     out

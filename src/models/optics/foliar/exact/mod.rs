@@ -10,17 +10,17 @@
 //!
 //! Light is conserved to rounding: every lobe's weights add up to 1.
 
+mod convergence;
 mod grid;
 mod kernel;
 mod matrix;
-mod settled;
 
-pub use settled::{PARAMETERS, derivatives, is_plain, prepared, response, responses};
+pub use convergence::{PARAMETERS, derivatives, is_plain, prepared, response, responses};
 
-use super::{Leaf, Oblateness, Path, Response, Side, enter, fresnel};
+use super::{LayeredLeaf, LeafResponse, MesophyllPath, Oblateness, Side, enter, fresnel};
 use crate::number::Real;
-use grid::Grid;
-use kernel::{Point, Rules};
+use grid::AngleGrid;
+use kernel::{AngleNode, LobeRules};
 use matrix::Matrix;
 
 /// How finely the equation is solved.
@@ -51,14 +51,14 @@ const NARROW: f64 = 6.0;
 /// The lobe around each of a medium's nodes, as fine nodes; `Straight` where the lobe does not turn light.
 enum Lobe<N> {
     Straight,
-    Points(Vec<Vec<Point<N>>>),
+    Points(Vec<Vec<AngleNode<N>>>),
 }
 
 /// The optics of a leaf except for the mesophyll's absorption. It is solved once and serves any number of absorptions.
-pub struct Prepared<N = f64> {
-    leaf: Leaf<N>,
-    grid: Grid<N>,
-    rules: Rules,
+pub struct LeafOperator<N = f64> {
+    leaf: LayeredLeaf<N>,
+    grid: AngleGrid<N>,
+    rules: LobeRules,
     palisade: Lobe<N>,
     /// Of the light that goes up at the upper end of the mesophyll: what comes back down into it. `below` is the same
     /// for light going down at the lower end.
@@ -76,18 +76,18 @@ pub struct Prepared<N = f64> {
 }
 
 /// A leaf with a given absorption, solved for light from all angles.
-pub struct Solved<'a, N = f64> {
-    prepared: &'a Prepared<N>,
+pub struct LeafSolution<'a, N = f64> {
+    prepared: &'a LeafOperator<N>,
     /// Shares of the light going down in the upper epidermis that leave the leaf upward and downward, at its nodes.
     upper: Matrix<N>,
     /// The same of the light going up in the lower epidermis.
     lower: Matrix<N>,
 }
 
-impl<N: Real> Prepared<N> {
+impl<N: Real> LeafOperator<N> {
     /// Prepares a leaf. The leaf's own absorption `depth` is not used.
-    pub fn new(leaf: &Leaf<N>, resolution: Resolution) -> Prepared<N> {
-        let Leaf { n_cuticle: nc, n_mesophyll: nm, n_antidermal: na, .. } = *leaf;
+    pub fn new(leaf: &LayeredLeaf<N>, resolution: Resolution) -> LeafOperator<N> {
+        let LayeredLeaf { n_cuticle: nc, n_mesophyll: nm, n_antidermal: na, .. } = *leaf;
         let Oblateness { epidermis, palisade, .. } = leaf.oblateness;
         let mut bends: Vec<N> =
             [(nc, nm, epidermis), (nm, nc, palisade)].iter().flat_map(|b| bends(b.0, b.1, b.2)).collect();
@@ -95,24 +95,24 @@ impl<N: Real> Prepared<N> {
             // Light that comes in without being turned is interpolated between the nodes. The nodes are dense near the
             // normal: there the end of the next lobe lies at grazing light, which the mesophyll absorbs.
             bends.extend([0.02, 0.15].map(N::of));
-        } else if leaf.path == Path::Slant && epidermis.value() > NARROW {
+        } else if leaf.path == MesophyllPath::Slant && epidermis.value() > NARROW {
             // Light that is turned only a little depends nearly on the angle of a single node, and slant paths absorb
             // grazing light more. So the nodes must be denser near the normal here, too; one more panel is enough.
             bends.push(N::of(0.4));
         }
-        let grid = Grid::new(&[nc, nm], &[na], &bends, resolution.order);
-        Prepared::on(leaf, grid, Rules::new(resolution.azimuth, resolution.piece))
+        let grid = AngleGrid::new(&[nc, nm], &[na], &bends, resolution.order);
+        LeafOperator::on(leaf, grid, LobeRules::new(resolution.azimuth, resolution.piece))
     }
 
     /// The same for a leaf whose lobes do not turn light, for light at one angle (radians from the normal): the closed
     /// form of six smooth plates.
-    fn straight(leaf: &Leaf<N>, incidence: f64) -> Prepared<N> {
-        let grid = Grid::single(&[leaf.n_cuticle, leaf.n_mesophyll], incidence.cos());
-        Prepared::on(leaf, grid, Rules::new(1, 1))
+    fn straight(leaf: &LayeredLeaf<N>, incidence: f64) -> LeafOperator<N> {
+        let grid = AngleGrid::single(&[leaf.n_cuticle, leaf.n_mesophyll], incidence.cos());
+        LeafOperator::on(leaf, grid, LobeRules::new(1, 1))
     }
 
-    fn on(leaf: &Leaf<N>, grid: Grid<N>, rules: Rules) -> Prepared<N> {
-        let Leaf { n_cuticle: nc, n_mesophyll: nm, n_antidermal: na, .. } = *leaf;
+    fn on(leaf: &LayeredLeaf<N>, grid: AngleGrid<N>, rules: LobeRules) -> LeafOperator<N> {
+        let LayeredLeaf { n_cuticle: nc, n_mesophyll: nm, n_antidermal: na, .. } = *leaf;
         let Oblateness { epidermis, palisade, spongy, .. } = leaf.oblateness;
         let air = N::of(1.0);
         let (in_air, in_epidermis, in_mesophyll) = (grid.len(air), grid.len(nc), grid.len(nm));
@@ -198,7 +198,7 @@ impl<N: Real> Prepared<N> {
         let lower = u_by_air.times(&a_by_y);
         let lower_out = u_by_air.times(&a_out).plus(&u_out);
 
-        Prepared {
+        LeafOperator {
             leaf: *leaf,
             grid,
             rules,
@@ -215,13 +215,13 @@ impl<N: Real> Prepared<N> {
     }
 
     /// The leaf that was prepared.
-    pub fn leaf(&self) -> &Leaf<N> {
+    pub fn leaf(&self) -> &LayeredLeaf<N> {
         &self.leaf
     }
 
     /// Solves for a mesophyll of the given absorption times thickness.
-    pub fn solve(&self, depth: N) -> Solved<'_, N> {
-        let path: Path = self.leaf.path;
+    pub fn solve(&self, depth: N) -> LeafSolution<'_, N> {
+        let path: MesophyllPath = self.leaf.path;
         let through = |cos: N| {
             if depth.value() == 0.0 && !N::DIFFERENTIATES { N::of(1.0) } else { (-(depth * path.length(cos))).exp() }
         };
@@ -244,7 +244,7 @@ impl<N: Real> Prepared<N> {
             }
             found
         };
-        Solved {
+        LeafSolution {
             prepared: self,
             upper: with(&self.upper, &y_down, &self.upper_out, 0),
             lower: with(&self.lower, &y_up, &self.lower_out, 1),
@@ -252,14 +252,14 @@ impl<N: Real> Prepared<N> {
     }
 }
 
-impl<N: Real> Solved<'_, N> {
+impl<N: Real> LeafSolution<'_, N> {
     /// What happens to light at `incidence` (radians from the normal, 0 to π/2) onto one side.
-    pub fn response(&self, side: Side, incidence: f64) -> Response<N> {
-        let Prepared { leaf, grid, rules, .. } = self.prepared;
+    pub fn response(&self, side: Side, incidence: f64) -> LeafResponse<N> {
+        let LeafOperator { leaf, grid, rules, .. } = self.prepared;
         let (surface, sin, cos) = enter(leaf.n_cuticle, incidence);
         let ob = leaf.oblateness.epidermis;
         let points = if ob.value().is_infinite() {
-            vec![Point { sin, cos, weight: N::of(1.0) }]
+            vec![AngleNode { sin, cos, weight: N::of(1.0) }]
         } else {
             kernel::spread(rules, &grid.breaks(leaf.n_cuticle), sin, cos, ob, false)
         };
@@ -269,7 +269,7 @@ impl<N: Real> Solved<'_, N> {
             Side::Front => [0, 1].map(|k| (self.upper.applied(&inside)[k], k)),
             Side::Back => [1, 0].map(|k| (self.lower.applied(&inside)[k], k)),
         };
-        Response { reflectance: surface + entered * lit.0, transmittance: entered * other.0 }
+        LeafResponse { reflectance: surface + entered * lit.0, transmittance: entered * other.0 }
     }
 }
 
@@ -283,7 +283,7 @@ fn bends<N: Real>(n: N, other: N, ob: N) -> Vec<N> {
 }
 
 /// The lobe around every node of a medium of the index `n`.
-fn lobes<N: Real>(grid: &Grid<N>, rules: &Rules, n: N, ob: N, grazing: bool) -> Lobe<N> {
+fn lobes<N: Real>(grid: &AngleGrid<N>, rules: &LobeRules, n: N, ob: N, grazing: bool) -> Lobe<N> {
     if ob.value().is_infinite() {
         return Lobe::Straight;
     }
@@ -296,12 +296,12 @@ fn lobes<N: Real>(grid: &Grid<N>, rules: &Rules, n: N, ob: N, grazing: bool) -> 
 }
 
 /// The matrix that turns the values at the nodes into their means over the lobe around each node.
-fn mean<N: Real>(grid: &Grid<N>, n: N, lobe: &Lobe<N>, through: impl Fn(&Point<N>) -> N) -> Matrix<N> {
+fn mean<N: Real>(grid: &AngleGrid<N>, n: N, lobe: &Lobe<N>, through: impl Fn(&AngleNode<N>) -> N) -> Matrix<N> {
     let size = grid.len(n);
     match lobe {
         Lobe::Straight => Matrix::from_fn(size, size, |i, j| {
             let (sin, cos) = grid.angle(n, i);
-            if i == j { through(&Point { sin, cos, weight: N::of(1.0) }) } else { N::of(0.0) }
+            if i == j { through(&AngleNode { sin, cos, weight: N::of(1.0) }) } else { N::of(0.0) }
         }),
         Lobe::Points(points) => {
             let entries = points.iter().flat_map(|p| kernel::row(grid, n, p, &through)).collect();

@@ -6,15 +6,15 @@
 //! absorption and Fresnel's formula. All rays of a step do the same, so vector instructions can be used. Every part of
 //! [`PART`] rays has its own random streams, so the result depends on the seed and not on the number of threads.
 
-mod numbers;
 mod pass;
+mod random;
 
 use super::goniometer::{self, Goniometer};
-use super::{Leaf, Oblateness, Path, Side, enter};
+use super::{LayeredLeaf, MesophyllPath, Oblateness, Side, enter};
 #[cfg(target_arch = "x86_64")]
 use mesophyll_base::processor::InstructionSet;
-use numbers::Random;
-use pass::{Place, Rays, Step, WIDTH};
+use pass::{RayBatch, WIDTH, WalkPlace, WalkStep};
+use random::RandomLanes;
 use rayon::prelude::*;
 
 /// How many rays share one set of random streams.
@@ -27,7 +27,7 @@ const MOST_STEPS: u64 = 1 << 18;
 
 /// Where rays went.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Counts {
+pub struct RayCounts {
     /// How many rays were sent.
     pub rays: u64,
     /// Rays that left on the lit side.
@@ -38,7 +38,7 @@ pub struct Counts {
     pub lost: u64,
 }
 
-impl Counts {
+impl RayCounts {
     /// A share of the rays and its standard error. Where the share is very near 0 or 1, the error is that of a single
     /// ray: that no ray was seen does not mean that none can come.
     pub fn share(&self, count: u64) -> (f64, f64) {
@@ -47,7 +47,7 @@ impl Counts {
         (count as f64 / n, (p * (1.0 - p) / n).sqrt() + self.lost as f64 / n)
     }
 
-    fn add(&mut self, o: &Counts) {
+    fn add(&mut self, o: &RayCounts) {
         self.rays += o.rays;
         self.reflected += o.reflected;
         self.transmitted += o.transmitted;
@@ -58,19 +58,19 @@ impl Counts {
 /// Sends `rays` rays at `incidence` (radians from the normal, 0 to π/2) onto one side. Between parts it asks `stop`
 /// whether to end early; then its result must not be used.
 pub fn count(
-    leaf: &Leaf,
+    leaf: &LayeredLeaf,
     side: Side,
     incidence: f64,
     rays: u64,
     seed: u64,
     stop: &(dyn Fn() -> bool + Sync),
-) -> Counts {
+) -> RayCounts {
     let walk = Walk::new(leaf, side, incidence);
     let parts = (0..rays.div_ceil(PART)).into_par_iter().map(|part| {
         let n = PART.min(rays - part * PART);
-        if stop() { Counts::default() } else { walk.part::<false>(n, seed, part, &mut |_, _| ()) }
+        if stop() { RayCounts::default() } else { walk.part::<false>(n, seed, part, &mut |_, _| ()) }
     });
-    parts.reduce(Counts::default, |mut a, b| {
+    parts.reduce(RayCounts::default, |mut a, b| {
         a.add(&b);
         a
     })
@@ -78,7 +78,7 @@ pub fn count(
 
 /// The same, with the directions in which rays leave.
 pub fn directions(
-    leaf: &Leaf,
+    leaf: &LayeredLeaf,
     side: Side,
     incidence: f64,
     rays: u64,
@@ -140,7 +140,7 @@ const NEXT: [(At, At); INSIDE] = [
 ];
 
 struct Walk {
-    places: [Place; INSIDE],
+    places: [WalkPlace; INSIDE],
     /// 1/(ob + 1) of the cuticle.
     cuticle: Option<f32>,
     side: Side,
@@ -150,15 +150,15 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(leaf: &Leaf, side: Side, incidence: f64) -> Walk {
+    fn new(leaf: &LayeredLeaf, side: Side, incidence: f64) -> Walk {
         let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
         let lobe = |ob: f64| (ob.is_finite()).then_some((1.0 / (ob + 1.0)) as f32);
         let (nc, nm, na) = (leaf.n_cuticle, leaf.n_mesophyll, leaf.n_antidermal);
         let absorbs = (leaf.depth > 0.0).then_some((leaf.depth * std::f64::consts::LOG2_E) as f32);
-        let place = |lobe: Option<f32>, absorbs: Option<f32>, here: f64, next: f64| Place {
+        let place = |lobe: Option<f32>, absorbs: Option<f32>, here: f64, next: f64| WalkPlace {
             lobe,
             absorbs,
-            sieve: leaf.path == Path::Sieve,
+            sieve: leaf.path == MesophyllPath::Sieve,
             ratio: (here / next) as f32,
             excess: ((next - here) * (next + here) / (next * next)) as f32,
         };
@@ -187,7 +187,7 @@ impl Walk {
         seed: u64,
         part: u64,
         each: &mut impl FnMut(bool, [f32; 3]),
-    ) -> Counts {
+    ) -> RayCounts {
         #[cfg(target_arch = "x86_64")]
         if InstructionSet::detect() >= InstructionSet::Avx2 {
             // SAFETY: this processor has the instruction set.
@@ -205,7 +205,7 @@ impl Walk {
         seed: u64,
         part: u64,
         each: &mut impl FnMut(bool, [f32; 3]),
-    ) -> Counts {
+    ) -> RayCounts {
         self.part_plain::<DIRECTIONS>(n, seed, part, each)
     }
 
@@ -216,10 +216,10 @@ impl Walk {
         seed: u64,
         part: u64,
         each: &mut impl FnMut(bool, [f32; 3]),
-    ) -> Counts {
-        let mut random = Random::new(seed, part);
-        let mut step = Step::new();
-        let mut queues: [Rays; PLACES] = std::array::from_fn(|_| Rays::new(UNDER_WAY));
+    ) -> RayCounts {
+        let mut random = RandomLanes::new(seed, part);
+        let mut step = WalkStep::new();
+        let mut queues: [RayBatch; PLACES] = std::array::from_fn(|_| RayBatch::new(UNDER_WAY));
         let (inner, mirrored) = match self.side {
             Side::Front => (At::UpperDown as usize, At::MirroredUp as usize),
             Side::Back => (At::LowerUp as usize, At::MirroredDown as usize),
@@ -263,14 +263,14 @@ impl Walk {
             }
         }
         let [reflected, transmitted] = if self.side == Side::Front { out } else { [out[1], out[0]] };
-        Counts { rays: n, reflected, transmitted, lost: under_way as u64 }
+        RayCounts { rays: n, reflected, transmitted, lost: under_way as u64 }
     }
 
     /// Sends `n` rays onto the lit face.
     #[inline(always)]
-    fn send(&self, random: &mut Random, n: usize, queues: &mut [Rays; PLACES], inner: usize, mirrored: usize) {
+    fn send(&self, random: &mut RandomLanes, n: usize, queues: &mut [RayBatch; PLACES], inner: usize, mirrored: usize) {
         let mut chance = [0.0; WIDTH];
-        random.fill(&mut chance[..n.next_multiple_of(numbers::LANES)]);
+        random.fill(&mut chance[..n.next_multiple_of(random::LANES)]);
         let (surface, cos, inside) = (self.surface as f32, self.incidence.cos() as f32, self.inside as f32);
         for chance in &chance[..n] {
             let (to, mu) = if *chance <= surface { (mirrored, cos) } else { (inner, inside) };

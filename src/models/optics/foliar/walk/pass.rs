@@ -1,14 +1,14 @@
 //! One step of many rays that are in the same place: the lobe that turns them, the mesophyll's absorption on the way,
 //! and Fresnel's formula where they arrive.
 
-use super::numbers::{LANES, Random, cos, cos_pi, exp2, falls_short, log2};
+use super::random::{LANES, RandomLanes, cos, cos_pi, exp2, falls_short, log2};
 
 /// Largest number of rays in a step.
 pub const WIDTH: usize = 256;
 
 /// Where rays of one place go, and what happens on the way.
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
+pub struct WalkPlace {
     /// 1/(oblateness + 1) of the lobe that turns rays when they come here; `None` where they are not turned.
     pub lobe: Option<f32>,
     /// Absorption of one thickness, as a power of 2; `None` where nothing absorbs.
@@ -24,7 +24,7 @@ pub struct Place {
 /// The rays of a place that wait for their lobe: cosines from the normal and, where directions are followed, cosine and
 /// sine of the azimuth.
 #[derive(Debug, Clone)]
-pub struct Rays {
+pub struct RayBatch {
     /// How many rays there are.
     pub len: usize,
     /// Cosine from the normal, 0 to 1.
@@ -33,16 +33,16 @@ pub struct Rays {
     pub azimuth: [Box<[f32]>; 2],
 }
 
-impl Rays {
+impl RayBatch {
     /// Room for `capacity` rays and one step more.
-    pub fn new(capacity: usize) -> Rays {
+    pub fn new(capacity: usize) -> RayBatch {
         let room = || vec![1.0; capacity + WIDTH].into_boxed_slice();
-        Rays { len: 0, mu: room(), azimuth: [room(), room()] }
+        RayBatch { len: 0, mu: room(), azimuth: [room(), room()] }
     }
 
     /// Adds the rays of a step whose fate is `fate`, with the cosines `mu`.
     #[inline(always)]
-    fn add<const DIRECTIONS: bool>(&mut self, from: &Step, mu: &[f32; WIDTH], fate: u32) {
+    fn add<const DIRECTIONS: bool>(&mut self, from: &WalkStep, mu: &[f32; WIDTH], fate: u32) {
         let start = self.len;
         let mut added = keep(&mut self.mu[start..start + WIDTH], mu, from, fate);
         if DIRECTIONS {
@@ -57,7 +57,7 @@ impl Rays {
 /// Writes the values of the rays whose fate is `fate` one after the other and returns how many there are. It writes
 /// every value but advances only after a ray with this fate, so it needs no branch.
 #[inline(always)]
-fn keep(to: &mut [f32], values: &[f32; WIDTH], step: &Step, fate: u32) -> usize {
+fn keep(to: &mut [f32], values: &[f32; WIDTH], step: &WalkStep, fate: u32) -> usize {
     let mut n = 0;
     if let Ok(to) = <&mut [f32; WIDTH]>::try_from(to) {
         for (&value, &f) in values.iter().zip(&step.fate).take(step.n) {
@@ -70,7 +70,7 @@ fn keep(to: &mut [f32], values: &[f32; WIDTH], step: &Step, fate: u32) -> usize 
 
 /// Room for the rays of one step.
 #[derive(Debug)]
-pub struct Step {
+pub struct WalkStep {
     n: usize,
     random: [[f32; WIDTH]; 4],
     base: [f32; WIDTH],
@@ -86,16 +86,16 @@ const REFRACTED: u32 = 1;
 const ABSORBED: u32 = 2;
 const AGAIN: u32 = 3;
 
-impl Step {
+impl WalkStep {
     /// Empty room.
-    pub fn new() -> Step {
+    pub fn new() -> WalkStep {
         let zero = [0.0; WIDTH];
-        Step { n: 0, random: [zero; 4], base: zero, mu: zero, inside: zero, azimuth: [zero; 2], fate: [0; WIDTH] }
+        WalkStep { n: 0, random: [zero; 4], base: zero, mu: zero, inside: zero, azimuth: [zero; 2], fate: [0; WIDTH] }
     }
 
     /// Takes up to [`WIDTH`] rays off the end of `rays`. The unused places behind them are filled with harmless values.
     #[inline(always)]
-    fn take<const DIRECTIONS: bool>(&mut self, rays: &mut Rays, random: &mut Random, numbers: usize) -> usize {
+    fn take<const DIRECTIONS: bool>(&mut self, rays: &mut RayBatch, random: &mut RandomLanes, numbers: usize) -> usize {
         self.n = rays.len.min(WIDTH);
         let from = rays.len - self.n;
         rays.len = from;
@@ -190,11 +190,11 @@ impl Step {
     #[inline(always)]
     pub fn run<const DIRECTIONS: bool>(
         &mut self,
-        place: &Place,
-        random: &mut Random,
-        rays: &mut Rays,
-        mirrored: &mut Rays,
-        refracted: &mut Rays,
+        place: &WalkPlace,
+        random: &mut RandomLanes,
+        rays: &mut RayBatch,
+        mirrored: &mut RayBatch,
+        refracted: &mut RayBatch,
     ) -> u64 {
         let padded = self.take::<DIRECTIONS>(rays, random, 4);
         match place.lobe {
@@ -216,7 +216,13 @@ impl Step {
 
     /// Turns rays that have left the leaf and hands them to `each`, with the cosine of their angle and cosine and sine
     /// of their azimuth. Rays to be turned again go back.
-    pub fn leave(&mut self, lobe: Option<f32>, random: &mut Random, rays: &mut Rays, mut each: impl FnMut([f32; 3])) {
+    pub fn leave(
+        &mut self,
+        lobe: Option<f32>,
+        random: &mut RandomLanes,
+        rays: &mut RayBatch,
+        mut each: impl FnMut([f32; 3]),
+    ) {
         let padded = self.take::<true>(rays, random, 2);
         match lobe {
             Some(lobe) => self.turn::<true>(lobe, padded),

@@ -1,8 +1,8 @@
 //! Finds which σa and σs are possible, given noisy ρd and ρt. The ellipse of two standard errors around the measured
 //! pair is cut to the pairs that a slab can have, and its outline is inverted point by point.
 
-use super::newton::{self, Point};
-use super::{Estimate, Measured, Model, Precision, Spread, Status};
+use super::newton::{self, SlabPoint};
+use super::{InversionPrecision, Measured, SlabEstimate, SlabModel, Spread, Status};
 
 /// The bounds are stated at this many standard errors.
 const WIDTH: f64 = 2.0;
@@ -38,7 +38,7 @@ struct Feasible {
 /// A number small enough to act as zero and large enough to compute with.
 const TINY: f64 = 1e-18;
 
-fn feasible(model: &Model, r: f64, t: f64, m: &Measured) -> Feasible {
+fn feasible(model: &SlabModel, r: f64, t: f64, m: &Measured) -> Feasible {
     let (mut r, mut t) = (r, t);
     let mut edge = [false; 3];
     let excess = r + t - 1.0;
@@ -66,7 +66,7 @@ fn feasible(model: &Model, r: f64, t: f64, m: &Measured) -> Feasible {
 
 /// σa h and σs h of a feasible point. On the edges they are exactly zero or infinite; where both are numbers, the point
 /// itself is returned too.
-fn place(model: &Model, p: &Feasible, precision: Precision) -> Option<([f64; 2], Option<Point>)> {
+fn place(model: &SlabModel, p: &Feasible, precision: InversionPrecision) -> Option<([f64; 2], Option<SlabPoint>)> {
     let [clear, opaque, conservative] = p.edge;
     if p.t >= model.mirror.clear() || (clear && conservative) {
         // The slab is clear: nothing is in the way of the light.
@@ -89,7 +89,7 @@ fn place(model: &Model, p: &Feasible, precision: Precision) -> Option<([f64; 2],
 
 /// The range over the ellipse of `width` standard errors around the nearest measurement that some slab has. So a
 /// transmittance measured three errors below zero bounds the range as well as one measured at zero.
-fn range(model: &Model, m: &Measured, width: f64, precision: Precision) -> Option<Range> {
+fn range(model: &SlabModel, m: &Measured, width: f64, precision: InversionPrecision) -> Option<Range> {
     let mut range = Range { low: [f64::INFINITY; 2], high: [0.0; 2] };
     let mut any = false;
     let mut see = |r: f64, t: f64| {
@@ -113,7 +113,13 @@ fn range(model: &Model, m: &Measured, width: f64, precision: Precision) -> Optio
 }
 
 /// Whether the parameters' ranges at ±2σ agree with linear error propagation.
-pub(super) fn nearly_linear(model: &Model, m: &Measured, point: &Point, spread: &Spread, precision: Precision) -> bool {
+pub(super) fn nearly_linear(
+    model: &SlabModel,
+    m: &Measured,
+    point: &SlabPoint,
+    spread: &Spread,
+    precision: InversionPrecision,
+) -> bool {
     let Some(range) = range(model, m, WIDTH, precision) else { return false };
     let centre = [point.absorbed * point.delta, point.omega * point.delta];
     (0..2).all(|k| {
@@ -127,12 +133,12 @@ pub(super) fn nearly_linear(model: &Model, m: &Measured, point: &Point, spread: 
 }
 
 /// The best estimate with large errors, and bounds by name. It uses the fast model, whose error is part of `m`.
-pub(super) fn undetermined(model: &Model, m: &Measured, h: f64) -> Estimate {
-    let precision = Precision::Fast;
+pub(super) fn undetermined(model: &SlabModel, m: &Measured, h: f64) -> SlabEstimate {
+    let precision = InversionPrecision::Fast;
     let best = feasible(model, m.r, m.t, m);
     let centre = place(model, &best, precision);
     let Some(range) = range(model, m, WIDTH, precision) else {
-        return Estimate::refused(format!("no slab was found for rho_d {} and rho_t {}", m.r, m.t));
+        return SlabEstimate::refused(format!("no slab was found for rho_d {} and rho_t {}", m.r, m.t));
     };
     let linear = centre.and_then(|c| c.1).map(|p| Spread::new(model, &p, &Measured { r: best.r, t: best.t, ..*m }));
     let mut value = centre.map_or([f64::INFINITY; 2], |c| c.0);
@@ -172,7 +178,7 @@ pub(super) fn undetermined(model: &Model, m: &Measured, h: f64) -> Estimate {
     let correlation = linear.as_ref().map_or(0.0, |l| l.correlation).clamp(-1.0, 1.0);
     let (ea, es) = (err[0] / h, err[1] / h);
     let cross = if correlation.is_finite() && ea.is_finite() && es.is_finite() { correlation * ea * es } else { 0.0 };
-    Estimate {
+    SlabEstimate {
         sigma_a: value[0] / h,
         sigma_s: value[1] / h,
         sigma_a_err: ea,

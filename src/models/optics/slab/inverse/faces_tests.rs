@@ -2,15 +2,15 @@
 
 use super::tests::{gaussian, log_uniform};
 use super::*;
-use crate::slab::faces::Faces;
+use crate::slab::faces::SlabFaces;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::OnceLock;
 
 /// Index, model and exact faces of a few slabs.
-fn slabs() -> &'static [(f64, Model, Faces)] {
-    static SLABS: OnceLock<Vec<(f64, Model, Faces)>> = OnceLock::new();
-    SLABS.get_or_init(|| [1.005, 1.41, 2.0].map(|n| (n, Model::of_index(n), Faces::new(n, 1.0))).into())
+fn slabs() -> &'static [(f64, SlabModel, SlabFaces)] {
+    static SLABS: OnceLock<Vec<(f64, SlabModel, SlabFaces)>> = OnceLock::new();
+    SLABS.get_or_init(|| [1.005, 1.41, 2.0].map(|n| (n, SlabModel::of_index(n), SlabFaces::new(n, 1.0))).into())
 }
 
 /// ω and 1−ω: half of the draws lie near ω = 1, half near 0.
@@ -45,7 +45,7 @@ fn returns_to_the_slab_it_came_from() {
             let (delta, h) = (log_uniform(&mut rng, 1e-3, 30.0), log_uniform(&mut rng, 0.05, 2.0));
             let (a, s) = (absorbed * delta / h, omega * delta / h);
             let r = faces.shares(omega, absorbed, delta).response();
-            for (precision, digits) in [(Precision::Fast, 1e-6), (Precision::Exact, 1e-9)] {
+            for (precision, digits) in [(InversionPrecision::Fast, 1e-6), (InversionPrecision::Exact, 1e-9)] {
                 let e = invert_in(model, precision, r.rho_d, r.rho_t, h, 1e-9, 1e-9);
                 assert!(!matches!(e.status, Status::Refused(_)), "n {index} ω {omega} Δ {delta}: {e:?}");
                 if e.status.is_ok() {
@@ -74,7 +74,7 @@ fn intervals_contain_the_truth_as_often_as_they_say() {
         let truth = [absorbed * delta / h, omega * delta / h];
         let r = faces.shares(omega, absorbed, delta).response();
         let (r, t) = (r.rho_d + noise * gaussian(&mut rng), r.rho_t + noise * gaussian(&mut rng));
-        let e = invert_in(model, Precision::Fast, r, t, h, noise, noise);
+        let e = invert_in(model, InversionPrecision::Fast, r, t, h, noise, noise);
         assert!(!matches!(e.status, Status::Refused(_)), "ω {omega} Δ {delta}: {e:?}");
         if e.status.is_ok() {
             ok += 1;
@@ -107,7 +107,7 @@ fn bounds_and_refusals_by_name() {
     let (index, model, _) = &slabs()[1];
     let face = ((index - 1.0) / (index + 1.0)).powi(2);
     let clear = (1.0 - face) / (1.0 + face);
-    let name = |r: f64, t: f64| invert_in(model, Precision::Fast, r, t, 0.2, 1e-3, 1e-3).status.to_string();
+    let name = |r: f64, t: f64| invert_in(model, InversionPrecision::Fast, r, t, 0.2, 1e-3, 1e-3).status.to_string();
     let starts = |got: String, want: &str| assert!(got.starts_with(want), "{got:?}, expected {want:?}");
     starts(name(0.3, 0.2), "ok");
     starts(name(0.6, 0.4), "undetermined: sigma_a <= ");
@@ -128,7 +128,7 @@ fn bounds_and_refusals_by_name() {
 #[test]
 fn one_share_and_one_coefficient() {
     let mut rng = Pcg64Mcg::seed_from_u64(31);
-    let (matched, faces) = (Model::matched(), &slabs()[1].1);
+    let (matched, faces) = (SlabModel::matched(), &slabs()[1].1);
     let (mut ok, mut inside, mut wrong) = (0usize, 0usize, 0usize);
     for k in 0..1200 {
         let model = if k % 2 == 0 { matched } else { faces };
@@ -137,12 +137,13 @@ fn one_share_and_one_coefficient() {
         let truth = [absorbed * delta / h, omega * delta / h];
         let r = model.response(omega, absorbed, delta);
         let noise = log_uniform(&mut rng, 1e-4, 1e-2);
-        let (share, value) = if k % 4 < 2 { (Share::Reflected, r.rho_d) } else { (Share::Transmitted, r.rho_t) };
-        let (known, at) = if k % 8 < 4 { (Coefficient::Absorption, 0) } else { (Coefficient::Scattering, 1) };
+        let (share, value) =
+            if k % 4 < 2 { (SlabShare::Reflected, r.rho_d) } else { (SlabShare::Transmitted, r.rho_t) };
+        let (known, at) = if k % 8 < 4 { (SlabCoefficient::Absorption, 0) } else { (SlabCoefficient::Scattering, 1) };
         let sigma_err = truth[at] * 0.03 * rng.random::<f64>();
         let sigma = truth[at] + sigma_err * gaussian(&mut rng);
         let value = value + noise * gaussian(&mut rng);
-        let e = invert_single(model, &Single { share, value, err: noise, known, sigma, sigma_err }, h);
+        let e = invert_single(model, &SingleMeasurement { share, value, err: noise, known, sigma, sigma_err }, h);
         let (found, err) = if at == 0 { (e.sigma_s, e.sigma_s_err) } else { (e.sigma_a, e.sigma_a_err) };
         if e.status.is_ok() {
             ok += 1;
@@ -159,22 +160,25 @@ fn one_share_and_one_coefficient() {
 
 #[test]
 fn what_one_share_leaves_open_is_bounded_by_name() {
-    let model = Model::matched();
-    let fit = |share: Share, value: f64, known: Coefficient, sigma: f64| {
-        let e = invert_single(model, &Single { share, value, err: 2e-3, known, sigma, sigma_err: 0.0 }, 0.2);
+    let model = SlabModel::matched();
+    let fit = |share: SlabShare, value: f64, known: SlabCoefficient, sigma: f64| {
+        let e = invert_single(model, &SingleMeasurement { share, value, err: 2e-3, known, sigma, sigma_err: 0.0 }, 0.2);
         assert!(matches!(e.status, Status::Refused(_)) || (e.sigma_a.is_finite() && e.sigma_s.is_finite()), "{e:?}");
         e.status.to_string()
     };
     let starts = |got: String, want: &str| assert!(got.starts_with(want), "{got:?}, expected {want:?}");
     for t in [0.0, -1e-3, 1e-3] {
-        starts(fit(Share::Transmitted, t, Coefficient::Scattering, 1.0), "undetermined: sigma_a >= ");
-        starts(fit(Share::Transmitted, t, Coefficient::Absorption, 1.0), "undetermined: sigma_s >= ");
+        starts(fit(SlabShare::Transmitted, t, SlabCoefficient::Scattering, 1.0), "undetermined: sigma_a >= ");
+        starts(fit(SlabShare::Transmitted, t, SlabCoefficient::Absorption, 1.0), "undetermined: sigma_s >= ");
     }
-    starts(fit(Share::Transmitted, 0.999, Coefficient::Absorption, 0.0), "undetermined: sigma_s <= ");
-    starts(fit(Share::Transmitted, 0.99, Coefficient::Scattering, 1.0), "refused: rho_t is 0.99; a slab of this");
-    starts(fit(Share::Reflected, 0.0, Coefficient::Absorption, 1.0), "undetermined: sigma_s <= ");
-    starts(fit(Share::Reflected, 1.0, Coefficient::Absorption, 0.0), "undetermined: sigma_s >= ");
-    starts(fit(Share::Reflected, 0.9, Coefficient::Scattering, 1.0), "refused: rho_d is 0.9; a slab of this");
+    starts(fit(SlabShare::Transmitted, 0.999, SlabCoefficient::Absorption, 0.0), "undetermined: sigma_s <= ");
+    starts(
+        fit(SlabShare::Transmitted, 0.99, SlabCoefficient::Scattering, 1.0),
+        "refused: rho_t is 0.99; a slab of this",
+    );
+    starts(fit(SlabShare::Reflected, 0.0, SlabCoefficient::Absorption, 1.0), "undetermined: sigma_s <= ");
+    starts(fit(SlabShare::Reflected, 1.0, SlabCoefficient::Absorption, 0.0), "undetermined: sigma_s >= ");
+    starts(fit(SlabShare::Reflected, 0.9, SlabCoefficient::Scattering, 1.0), "refused: rho_d is 0.9; a slab of this");
 }
 
 /// At a high index a little scattering takes more from the far face's mirror reflection than it sends back, so two
@@ -184,11 +188,11 @@ fn several_slabs_of_one_reflectance_are_named() {
     let (model, a, s) = (&slabs()[2].1, 0.1, 0.05);
     let at = |s: f64| model.response(s / (a + s), a / (a + s), a + s).rho_d;
     assert!(at(s) > at(0.114) && at(0.3) > at(s));
-    let single = Single {
-        share: Share::Reflected,
+    let single = SingleMeasurement {
+        share: SlabShare::Reflected,
         value: at(s),
         err: 1e-5,
-        known: Coefficient::Absorption,
+        known: SlabCoefficient::Absorption,
         sigma: a,
         sigma_err: 0.0,
     };
@@ -198,7 +202,8 @@ fn several_slabs_of_one_reflectance_are_named() {
     assert!((e.sigma_s / s - 1.0).abs() < 1e-3 && e.sigma_s_err > 0.1 * s, "{e:?}");
     // The transmittance tells them apart.
     let t = model.response(s / (a + s), a / (a + s), a + s).rho_t;
-    let e = invert_single(model, &Single { share: Share::Transmitted, value: t, err: 1e-5, ..single }, 1.0);
+    let e =
+        invert_single(model, &SingleMeasurement { share: SlabShare::Transmitted, value: t, err: 1e-5, ..single }, 1.0);
     assert!(e.status.is_ok() && (e.sigma_s / s - 1.0).abs() < 4e-3, "{e:?}");
 }
 
@@ -208,10 +213,10 @@ fn several_slabs_of_one_reflectance_are_named() {
 fn models_and_inversions_a_second() {
     for index in [1.01, 1.41, 2.0] {
         let clock = std::time::Instant::now();
-        let model = Model::of_index(index);
+        let model = SlabModel::of_index(index);
         let made = clock.elapsed();
-        let _ = invert_in(&model, Precision::Fast, 0.3, 0.3, 1.0, 1e-6, 1e-6);
-        let faces = Faces::new(index, 1.0);
+        let _ = invert_in(&model, InversionPrecision::Fast, 0.3, 0.3, 1.0, 1e-6, 1e-6);
+        let faces = SlabFaces::new(index, 1.0);
         let mut rng = Pcg64Mcg::seed_from_u64(5);
         let rows: Vec<_> = (0..2000)
             .map(|_| {
@@ -220,9 +225,11 @@ fn models_and_inversions_a_second() {
             })
             .collect();
         let ready = clock.elapsed();
-        for (precision, noise, passes) in
-            [(Precision::Fast, 1e-6, 20), (Precision::Fast, 5e-3, 20), (Precision::Exact, 1e-9, 1)]
-        {
+        for (precision, noise, passes) in [
+            (InversionPrecision::Fast, 1e-6, 20),
+            (InversionPrecision::Fast, 5e-3, 20),
+            (InversionPrecision::Exact, 1e-9, 1),
+        ] {
             let clock = std::time::Instant::now();
             for _ in 0..passes {
                 for r in &rows {

@@ -11,15 +11,15 @@ mod newton;
 mod single;
 
 pub use mesophyll_base::error::Status;
-pub use model::Model;
-pub use newton::{Point, after_steps, solve};
-pub use single::{Coefficient, Share, Single, invert_single};
+pub use model::SlabModel;
+pub use newton::{SlabPoint, after_steps, solve};
+pub use single::{SingleMeasurement, SlabCoefficient, SlabShare, invert_single};
 use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 
 /// Which forward model the answer is held to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
-pub enum Precision {
+pub enum InversionPrecision {
     /// The table: better than 1e-6 in σa and σs wherever they are determined.
     #[default]
     Fast,
@@ -30,7 +30,7 @@ pub enum Precision {
 /// σa and σs (1/mm), their standard errors and covariance (1/mm²). Numbers are NaN where refused; an error is infinite
 /// where nothing limits the parameter from above.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Estimate {
+pub struct SlabEstimate {
     /// Absorption (1/mm).
     pub sigma_a: f64,
     /// Scattering (1/mm).
@@ -62,12 +62,12 @@ pub(crate) struct Measured {
 
 impl Measured {
     /// What scattering adds to the reflectance of the faces at this transmittance.
-    fn above(&self, model: &Model) -> f64 {
+    fn above(&self, model: &SlabModel) -> f64 {
         self.r - model.mirror.reflectance(self.t.max(0.0)).0
     }
 
     /// Standard error of [`Measured::above`].
-    fn above_err(&self, model: &Model) -> f64 {
+    fn above_err(&self, model: &SlabModel) -> f64 {
         self.r_err.hypot(model.mirror.reflectance(self.t.max(0.0)).1 * self.t_err)
     }
 }
@@ -94,35 +94,35 @@ const EXACT_MODEL: f64 = 2e-10;
 /// Inverts one pair of measurements with the fast model; `rho_d_err` and `rho_t_err` are absolute standard errors ≥ 0.
 ///
 /// Where the fast model's own error would decide the verdict, the exact one is used.
-pub fn invert(rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_err: f64) -> Estimate {
-    invert_with(Precision::Fast, rho_d, rho_t, thickness_mm, rho_d_err, rho_t_err)
+pub fn invert(rho_d: f64, rho_t: f64, thickness_mm: f64, rho_d_err: f64, rho_t_err: f64) -> SlabEstimate {
+    invert_with(InversionPrecision::Fast, rho_d, rho_t, thickness_mm, rho_d_err, rho_t_err)
 }
 
 /// [`invert`] with a stated precision.
 pub fn invert_with(
-    precision: Precision,
+    precision: InversionPrecision,
     rho_d: f64,
     rho_t: f64,
     thickness_mm: f64,
     rho_d_err: f64,
     rho_t_err: f64,
-) -> Estimate {
-    invert_in(Model::matched(), precision, rho_d, rho_t, thickness_mm, rho_d_err, rho_t_err)
+) -> SlabEstimate {
+    invert_in(SlabModel::matched(), precision, rho_d, rho_t, thickness_mm, rho_d_err, rho_t_err)
 }
 
 /// [`invert_with`] of a slab with these faces. ρd is all that comes back, with the mirror reflection of the faces.
 pub fn invert_in(
-    model: &Model,
-    precision: Precision,
+    model: &SlabModel,
+    precision: InversionPrecision,
     rho_d: f64,
     rho_t: f64,
     thickness_mm: f64,
     rho_d_err: f64,
     rho_t_err: f64,
-) -> Estimate {
+) -> SlabEstimate {
     let mut measured = Measured { r: rho_d, t: rho_t, r_err: rho_d_err, t_err: rho_t_err };
     if let Some(why) = impossible(model, &measured, thickness_mm) {
-        return Estimate::refused(why);
+        return SlabEstimate::refused(why);
     }
     if rho_t.abs() < SMALLEST {
         measured.t = 0.0;
@@ -132,19 +132,23 @@ pub fn invert_in(
     let coarse = with_model_error(model, &measured, model.error);
     // The table keeps the digits of ρt down to 1e-30.
     let deep = rho_t > 0.0 && rho_t < DEEP;
-    let found = if precision == Precision::Fast && !deep {
-        determined(model, &coarse, thickness_mm, Precision::Fast, Precision::Fast)
+    let found = if precision == InversionPrecision::Fast && !deep {
+        determined(model, &coarse, thickness_mm, InversionPrecision::Fast, InversionPrecision::Fast)
     } else {
         None
     };
     if let Some(found) = found {
         return found;
     }
-    if precision == Precision::Exact || !stated_matters {
-        let check = if stated_matters { Precision::Fast } else { Precision::Exact };
-        if let Some(found) =
-            determined(model, &with_model_error(model, &measured, EXACT_MODEL), thickness_mm, Precision::Exact, check)
-        {
+    if precision == InversionPrecision::Exact || !stated_matters {
+        let check = if stated_matters { InversionPrecision::Fast } else { InversionPrecision::Exact };
+        if let Some(found) = determined(
+            model,
+            &with_model_error(model, &measured, EXACT_MODEL),
+            thickness_mm,
+            InversionPrecision::Exact,
+            check,
+        ) {
             return found;
         }
     }
@@ -152,7 +156,7 @@ pub fn invert_in(
 }
 
 /// Adds the forward model's error and rounding to the stated errors.
-fn with_model_error(model: &Model, m: &Measured, error: f64) -> Measured {
+fn with_model_error(model: &SlabModel, m: &Measured, error: f64) -> Measured {
     let t = m.t.clamp(1e-300, model.mirror.clear());
     let widen = |stated: f64, own: f64, value: f64| {
         let rounding = if value == 0.0 && stated == 0.0 { ROUNDING } else { ROUNDING * value };
@@ -192,7 +196,7 @@ fn no_share(name: &str, value: f64, err: f64) -> Option<String> {
 }
 
 /// Why no slab can have these measurements, if so.
-fn impossible(model: &Model, m: &Measured, h: f64) -> Option<String> {
+fn impossible(model: &SlabModel, m: &Measured, h: f64) -> Option<String> {
     let shares = || no_share("rho_d", m.r, m.r_err).or_else(|| no_share("rho_t", m.t, m.t_err));
     if let Some(why) = thickness_trouble(h).or_else(shares) {
         return Some(why);
@@ -227,7 +231,13 @@ fn impossible(model: &Model, m: &Measured, h: f64) -> Option<String> {
 /// the model itself.
 ///
 /// `check` is the model that decides such cases: the fast one, unless noise is below the fast model's own error.
-fn determined(model: &Model, m: &Measured, h: f64, precision: Precision, check: Precision) -> Option<Estimate> {
+fn determined(
+    model: &SlabModel,
+    m: &Measured,
+    h: f64,
+    precision: InversionPrecision,
+    check: InversionPrecision,
+) -> Option<SlabEstimate> {
     let lost = 1.0 - m.r - m.t;
     if !(m.above(model) > 2.0 * m.above_err(model) && m.t > OPAQUE * m.t_err && lost > 2.0 * m.r_err.hypot(m.t_err)) {
         return None;
@@ -248,7 +258,7 @@ fn determined(model: &Model, m: &Measured, h: f64, precision: Precision, check: 
 
 /// Whether the noise may reach a black, an opaque or a conservative slab, where σ by the measurements is anything but
 /// linear.
-fn near_edge(model: &Model, m: &Measured, lost: f64) -> bool {
+fn near_edge(model: &SlabModel, m: &Measured, lost: f64) -> bool {
     m.above(model) < 6.0 * m.above_err(model) || m.t < 12.0 * m.t_err || lost < 6.0 * m.r_err.hypot(m.t_err)
 }
 
@@ -261,7 +271,7 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    pub fn new(model: &Model, point: &Point, m: &Measured) -> Spread {
+    pub fn new(model: &SlabModel, point: &SlabPoint, m: &Measured) -> Spread {
         // rows: ln σa, ln σs; columns: ρd, ρt
         let g = point.log_sigma_by_measured(model, m.r, m.t);
         // The products are formed before they are squared: the squares of the errors alone would underflow at a
@@ -276,11 +286,11 @@ impl Spread {
         Spread { relative, correlation: c(0, 1) / (relative[0] * relative[1]), condition: 0.5 * (norm + root) / det }
     }
 
-    fn estimate(&self, point: &Point, h: f64, status: Status) -> Estimate {
+    fn estimate(&self, point: &SlabPoint, h: f64, status: Status) -> SlabEstimate {
         let (a, s) = (point.absorbed * point.delta / h, point.omega * point.delta / h);
         let (ea, es) = (a * self.relative[0], s * self.relative[1]);
         let cross = self.correlation * ea * es;
-        Estimate {
+        SlabEstimate {
             sigma_a: a,
             sigma_s: s,
             sigma_a_err: ea,
@@ -292,10 +302,10 @@ impl Spread {
     }
 }
 
-impl Estimate {
-    fn refused(why: String) -> Estimate {
+impl SlabEstimate {
+    fn refused(why: String) -> SlabEstimate {
         let nan = f64::NAN;
-        Estimate {
+        SlabEstimate {
             sigma_a: nan,
             sigma_s: nan,
             sigma_a_err: nan,

@@ -4,12 +4,12 @@
 //! ρt from the clear slab's. In these numbers the map stays as close to linear as without reflection. Its table is made
 //! when the index is first known, which takes a fraction of a second.
 
-use super::newton::Point;
-use crate::slab::faces::{Faces, Shares};
-use crate::slab::mirror::Mirror;
-use crate::slab::table::build::Source;
-use crate::slab::table::{Scaled, Table};
-use crate::slab::{Response, exact, reduced};
+use super::newton::SlabPoint;
+use crate::slab::faces::{FaceShares, SlabFaces};
+use crate::slab::mirror::FaceReflectance;
+use crate::slab::table::construction::Source;
+use crate::slab::table::{SlabTable, TablePoint};
+use crate::slab::{SlabResponse, medium, reduced};
 use std::sync::OnceLock;
 
 /// Range of Δ of a table for one index, and about its largest error.
@@ -26,11 +26,11 @@ const NEAR_ONE_ERROR: f64 = 3e-6;
 const NEAR_ONE: f64 = 2e-3;
 
 /// A slab's faces, its table, and the starts of Newton's method.
-pub struct Model {
+pub struct SlabModel {
     /// Refractive index, in units of the surroundings'.
     pub index: f64,
     /// What the faces reflect.
-    pub mirror: Mirror,
+    pub mirror: FaceReflectance,
     pub(super) log_clear: f64,
     pub(super) error: f64,
     kind: Kind,
@@ -39,22 +39,22 @@ pub struct Model {
 
 enum Kind {
     Matched,
-    Faces(Box<(Faces, Table)>),
+    Faces(Box<(SlabFaces, SlabTable)>),
 }
 
-impl Model {
+impl SlabModel {
     /// The slab of the index of its surroundings.
-    pub fn matched() -> &'static Model {
-        static MATCHED: OnceLock<Model> = OnceLock::new();
-        MATCHED.get_or_init(|| Model::new(1.0, COMMITTED_ERROR, Kind::Matched))
+    pub fn matched() -> &'static SlabModel {
+        static MATCHED: OnceLock<SlabModel> = OnceLock::new();
+        MATCHED.get_or_init(|| SlabModel::new(1.0, COMMITTED_ERROR, Kind::Matched))
     }
 
     /// A slab of `index` ≥ 1 in air.
-    pub fn of_index(index: f64) -> Model {
+    pub fn of_index(index: f64) -> SlabModel {
         if index == 1.0 {
-            return Model::new(1.0, COMMITTED_ERROR, Kind::Matched);
+            return SlabModel::new(1.0, COMMITTED_ERROR, Kind::Matched);
         }
-        let (mirror, faces) = (Mirror::of_index(index), Faces::new(index, 1.0));
+        let (mirror, faces) = (FaceReflectance::of_index(index), SlabFaces::new(index, 1.0));
         // Without thickness the slab's pole is where light that total reflection keeps inside feeds itself: ω √(1−1/n²)
         // = 1.
         let kept = (1.0 - 1.0 / (index * index)).sqrt();
@@ -63,19 +63,24 @@ impl Model {
             let [above, _, depth] = parts(&mirror, &faces.shares(omega, absorbed, delta));
             [above * (1.0 + delta) / (omega * delta), depth / delta]
         };
-        let table =
-            Table::of(&Source { delta: TABLE, extrapolated, tolerance: TOLERANCE, checks: CHECKS, scaled: &scaled });
+        let table = SlabTable::of(&Source {
+            delta: TABLE,
+            extrapolated,
+            tolerance: TOLERANCE,
+            checks: CHECKS,
+            scaled: &scaled,
+        });
         let error = if index - 1.0 < NEAR_ONE { NEAR_ONE_ERROR } else { FACES_ERROR };
-        Model::new(index, error, Kind::Faces(Box::new((faces, table))))
+        SlabModel::new(index, error, Kind::Faces(Box::new((faces, table))))
     }
 
-    fn new(index: f64, error: f64, kind: Kind) -> Model {
-        let mirror = Mirror::of_index(index);
-        Model { index, mirror, log_clear: mirror.clear().ln(), error, kind, starts: OnceLock::new() }
+    fn new(index: f64, error: f64, kind: Kind) -> SlabModel {
+        let mirror = FaceReflectance::of_index(index);
+        SlabModel { index, mirror, log_clear: mirror.clear().ln(), error, kind, starts: OnceLock::new() }
     }
 
     /// R (with what the faces reflect) and T at albedo ω and optical thickness Δ ≥ 0; 1 − ω is passed separately.
-    pub fn response(&self, omega: f64, absorbed: f64, delta: f64) -> Response {
+    pub fn response(&self, omega: f64, absorbed: f64, delta: f64) -> SlabResponse {
         match &self.kind {
             Kind::Matched => reduced(omega, absorbed, delta).0,
             Kind::Faces(both) => {
@@ -86,7 +91,7 @@ impl Model {
                 let s = table.at(absorbed, delta);
                 let rho_t = (self.log_clear - delta * s.g[1]).exp();
                 let above = omega * delta / (1.0 + delta) * s.g[0];
-                let mut at = Response { rho_d: self.mirror.reflectance(rho_t).0 + above, rho_t };
+                let mut at = SlabResponse { rho_d: self.mirror.reflectance(rho_t).0 + above, rho_t };
                 if absorbed == 0.0 {
                     at.conserve();
                 }
@@ -99,7 +104,7 @@ impl Model {
     pub(super) fn exact(&self, omega: f64, absorbed: f64, delta: f64) -> [f64; 2] {
         match &self.kind {
             Kind::Matched => {
-                let (r, log_t) = exact::solve_log(1.0, omega, absorbed, delta);
+                let (r, log_t) = medium::solve_log(1.0, omega, absorbed, delta);
                 let lost = -log_t.exp_m1() - r;
                 [(r / lost).ln(), (-log_t).ln()]
             }
@@ -120,11 +125,11 @@ impl Model {
 
     /// F and its Jacobian from the fast model at L = ln(σs/σa) and M = ln Δ.
     #[inline]
-    pub(super) fn at(&self, l: f64, m: f64) -> ([f64; 2], Point) {
+    pub(super) fn at(&self, l: f64, m: f64) -> ([f64; 2], SlabPoint) {
         let (omega, absorbed) = albedo(l);
         let delta = m.exp();
         let table = match &self.kind {
-            Kind::Matched => Table::committed(),
+            Kind::Matched => SlabTable::committed(),
             Kind::Faces(both) => &both.1,
         };
         if (table.range[0]..=table.range[1]).contains(&delta) {
@@ -146,7 +151,7 @@ impl Model {
             }
             let f1 = |k: usize| r_by[k] / r - change[k] / lost;
             let jacobian = [[f1(0), f1(1)], [depth_by[0] / depth, depth_by[1] / depth]];
-            return ([(r / lost).ln(), depth.ln()], Point { omega, absorbed, delta, jacobian });
+            return ([(r / lost).ln(), depth.ln()], SlabPoint { omega, absorbed, delta, jacobian });
         }
         match &self.kind {
             Kind::Matched => {
@@ -157,7 +162,7 @@ impl Model {
                 let (r_by, t_by) = ([by_a.rho_d * turn, by_d.rho_d * delta], [by_a.rho_t * turn, by_d.rho_t * delta]);
                 let f1 = |k: usize| r_by[k] / r + (t_by[k] + r_by[k]) / lost;
                 let jacobian = [[f1(0), f1(1)], [t_by[0] / (t * t.ln()), t_by[1] / (t * t.ln())]];
-                ([(r / lost).ln(), (-t.ln()).ln()], Point { omega, absorbed, delta, jacobian })
+                ([(r / lost).ln(), (-t.ln()).ln()], SlabPoint { omega, absorbed, delta, jacobian })
             }
             Kind::Faces(_) => {
                 let f = |l: f64, m: f64| {
@@ -167,7 +172,7 @@ impl Model {
                 let by = |high: [f64; 2], low: [f64; 2]| [0, 1].map(|k| (high[k] - low[k]) / (2.0 * STEP));
                 let (by_l, by_m) = (by(f(l + STEP, m), f(l - STEP, m)), by(f(l, m + STEP), f(l, m - STEP)));
                 let jacobian = [[by_l[0], by_m[0]], [by_l[1], by_m[1]]];
-                (f(l, m), Point { omega, absorbed, delta, jacobian })
+                (f(l, m), SlabPoint { omega, absorbed, delta, jacobian })
             }
         }
     }
@@ -212,7 +217,7 @@ fn albedo(l: f64) -> (f64, f64) {
 }
 
 /// What scattering adds to the reflectance of the faces, what is absorbed, and ln(clear/T).
-fn parts(mirror: &Mirror, shares: &Shares) -> [f64; 3] {
+fn parts(mirror: &FaceReflectance, shares: &FaceShares) -> [f64; 3] {
     let above = mirror.excess(shares.scattered_back, shares.scattered_on, shares.passed);
     let depth = mirror.clear().ln() - shares.log_t;
     let depth = if depth < 0.1 { mirror.depth(above + shares.lost) } else { depth };
@@ -221,7 +226,7 @@ fn parts(mirror: &Mirror, shares: &Shares) -> [f64; 3] {
 
 /// ρd, −ln ρt and their derivatives by L and M.
 #[inline]
-fn fluxes(s: &Scaled, omega: f64, absorbed: f64, delta: f64) -> (f64, f64, [f64; 2], [f64; 2]) {
+fn fluxes(s: &TablePoint, omega: f64, absorbed: f64, delta: f64) -> (f64, f64, [f64; 2], [f64; 2]) {
     let h = delta / (1.0 + delta);
     // by L: d(1−ω) = −ω(1−ω) dL; by M: dΔ = Δ dM
     let turn = -omega * absorbed;

@@ -1,13 +1,13 @@
 //! Newton's method in (L, M) = (ln(σs/σa), ln Δ) on F₁ = ln(ρd/α) and F₂ = ln(−ln ρt), from a tabulated start.
 
-use super::Precision;
-use super::model::Model;
-use mesophyll_base::solve::Termination;
-use mesophyll_base::solve::damped::{self, Control, Damped, newton_step};
+use super::InversionPrecision;
+use super::model::SlabModel;
+use mesophyll_base::solvers::Termination;
+use mesophyll_base::solvers::damping::{self, DampedProblem, DampingControl, newton_step};
 
 /// A slab: ω, 1−ω and Δ, and ∂(F₁, F₂)/∂(L, M) there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct SlabPoint {
     /// Single-scattering albedo ω = σs/(σa + σs).
     pub omega: f64,
     /// 1 − ω, with its own digits.
@@ -22,9 +22,9 @@ const LOW: [f64; 2] = [-13.0, -14.0];
 const STEP: [f64; 2] = [0.5, 0.3];
 const COUNT: [usize; 2] = [57, 63];
 
-impl Point {
+impl SlabPoint {
     /// ∂(ln σa, ln σs)/∂(ρd, ρt).
-    pub fn log_sigma_by_measured(&self, model: &Model, r: f64, t: f64) -> [[f64; 2]; 2] {
+    pub fn log_sigma_by_measured(&self, model: &SlabModel, r: f64, t: f64) -> [[f64; 2]; 2] {
         let lost = 1.0 - r - t;
         let (floor, slope) = model.mirror.reflectance(t);
         let above = r - floor;
@@ -47,7 +47,7 @@ impl Point {
 /// The slab whose reflectance is `above` what its faces reflect at this transmittance `t`, and `lost` = 1 − r − t, all
 /// > 0.
 /// `None` only where the range of numbers is exhausted.
-pub fn solve(model: &Model, above: f64, t: f64, lost: f64, precision: Precision) -> Option<Point> {
+pub fn solve(model: &SlabModel, above: f64, t: f64, lost: f64, precision: InversionPrecision) -> Option<SlabPoint> {
     let target = [(above / lost).ln(), (model.log_clear - t.ln()).ln()];
     if !(target[0].is_finite() && target[1].is_finite()) {
         return None;
@@ -55,15 +55,15 @@ pub fn solve(model: &Model, above: f64, t: f64, lost: f64, precision: Precision)
     let start = start(model, above, t, lost, target);
     let point = iterate(model, start, target)?;
     match precision {
-        Precision::Fast => Some(point),
-        Precision::Exact => refine(model, point, target),
+        InversionPrecision::Fast => Some(point),
+        InversionPrecision::Exact => refine(model, point, target),
     }
 }
 
 /// The result of `steps` plain Newton steps from the tabulated start, as (1−ω, ω, Δ), without reflecting faces. It
 /// serves the sweep over the number of steps.
 pub fn after_steps(r: f64, t: f64, lost: f64, steps: usize) -> [f64; 3] {
-    let model = Model::matched();
+    let model = SlabModel::matched();
     let target = [(r / lost).ln(), (-t.ln()).ln()];
     let [mut l, mut m] = start(model, r, t, lost, target);
     for _ in 0..steps {
@@ -75,7 +75,7 @@ pub fn after_steps(r: f64, t: f64, lost: f64, steps: usize) -> [f64; 3] {
 }
 
 /// The conservative slab (ω = 1) with transmittance `t` between 0 and the clear slab's; the Jacobian is left singular.
-pub fn conservative(model: &Model, t: f64) -> Option<Point> {
+pub fn conservative(model: &SlabModel, t: f64) -> Option<SlabPoint> {
     let clear = model.mirror.clear();
     let mut m = two_flux(1.0 - t / clear, t / clear, 1e-300)[1];
     for _ in 0..60 {
@@ -87,17 +87,17 @@ pub fn conservative(model: &Model, t: f64) -> Option<Point> {
         }
         m += step;
         if step.abs() < 1e-9 {
-            return Some(Point { omega: 1.0, absorbed: 0.0, delta: m.exp(), jacobian: [[0.0; 2]; 2] });
+            return Some(SlabPoint { omega: 1.0, absorbed: 0.0, delta: m.exp(), jacobian: [[0.0; 2]; 2] });
         }
     }
     None
 }
 
 /// Takes Newton steps towards the target F; a step is halved where the residual does not fall.
-fn iterate(model: &Model, start: [f64; 2], target: [f64; 2]) -> Option<Point> {
+fn iterate(model: &SlabModel, start: [f64; 2], target: [f64; 2]) -> Option<SlabPoint> {
     let mut search = Search { model, target, evaluations: 0 };
     let start = search.place(start);
-    let (found, end) = damped::minimize(&mut search, start, &Control::HALVED);
+    let (found, end) = damping::minimize(&mut search, start, &DampingControl::HALVED);
     end.converged().then_some(found.point)
 }
 
@@ -106,7 +106,7 @@ const EVALUATIONS: usize = 60;
 
 /// The target F, and how often the model was evaluated.
 struct Search<'a> {
-    model: &'a Model,
+    model: &'a SlabModel,
     target: [f64; 2],
     evaluations: usize,
 }
@@ -114,7 +114,7 @@ struct Search<'a> {
 /// A slab at (L, M), the two residuals to the target, and the larger of them.
 struct Place {
     at: [f64; 2],
-    point: Point,
+    point: SlabPoint,
     left: [f64; 2],
     size: f64,
 }
@@ -129,7 +129,7 @@ impl Search<'_> {
     }
 }
 
-impl Damped for Search<'_> {
+impl DampedProblem for Search<'_> {
     type Point = Place;
     type Step = [f64; 2];
 
@@ -183,11 +183,11 @@ fn limit(step: &[f64; 2]) -> f64 {
 
 /// The point after a small step in (L, M), to second order.
 #[inline]
-fn moved(p: &Point, step: [f64; 2]) -> Point {
+fn moved(p: &SlabPoint, step: [f64; 2]) -> SlabPoint {
     let (l, m) = (step[0], step[1]);
     let up = |rate: f64, second: f64| 1.0 + rate * l + 0.5 * second * l * l;
     let swing = p.absorbed - p.omega;
-    Point {
+    SlabPoint {
         omega: p.omega * up(p.absorbed, p.absorbed * swing),
         absorbed: p.absorbed * up(-p.omega, -p.omega * swing),
         delta: p.delta * (1.0 + m + 0.5 * m * m),
@@ -196,7 +196,7 @@ fn moved(p: &Point, step: [f64; 2]) -> Point {
 }
 
 /// Corrects a converged point by the exact model's residual with the fast model's Jacobian.
-fn refine(model: &Model, mut point: Point, target: [f64; 2]) -> Option<Point> {
+fn refine(model: &SlabModel, mut point: SlabPoint, target: [f64; 2]) -> Option<SlabPoint> {
     for _ in 0..4 {
         let f = model.exact(point.omega, point.absorbed, point.delta);
         let d = [target[0] - f[0], target[1] - f[1]];
@@ -231,7 +231,7 @@ fn two_flux(r: f64, t: f64, lost: f64) -> [f64; 2] {
 
 /// The start: the two-flux estimate, corrected by a bicubic table of its errors.
 #[inline]
-fn start(model: &Model, r: f64, t: f64, lost: f64, f: [f64; 2]) -> [f64; 2] {
+fn start(model: &SlabModel, r: f64, t: f64, lost: f64, f: [f64; 2]) -> [f64; 2] {
     let grid = model.starts.get_or_init(|| corrections(model));
     let base = if model.mirror.is_none() { two_flux(r, t, lost) } else { two_flux_at(f) };
     let mut cell = [0usize; 2];
@@ -267,7 +267,7 @@ fn two_flux_at(f: [f64; 2]) -> [f64; 2] {
 }
 
 /// The errors of the two-flux estimate over the grid. Each point starts from its neighbour's correction.
-fn corrections(model: &Model) -> Vec<[f64; 2]> {
+fn corrections(model: &SlabModel) -> Vec<[f64; 2]> {
     let mut grid: Vec<[f64; 2]> = Vec::with_capacity(COUNT[0] * COUNT[1]);
     for i in 0..COUNT[0] {
         for j in 0..COUNT[1] {

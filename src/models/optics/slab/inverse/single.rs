@@ -5,11 +5,11 @@
 //! with σs everywhere. The error has two parts: that of the measurement and that of the known coefficient.
 
 use super::bounds::figure;
-use super::{DETERMINED, Estimate, IMPOSSIBLE, Model, OPAQUE, ROUNDING, SMALLEST, Status, thickness_trouble};
+use super::{DETERMINED, IMPOSSIBLE, OPAQUE, ROUNDING, SMALLEST, SlabEstimate, SlabModel, Status, thickness_trouble};
 
 /// Which share was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Share {
+pub enum SlabShare {
     /// ρd
     Reflected,
     /// ρt
@@ -18,7 +18,7 @@ pub enum Share {
 
 /// Which coefficient is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Coefficient {
+pub enum SlabCoefficient {
     /// σa
     Absorption,
     /// σs
@@ -27,15 +27,15 @@ pub enum Coefficient {
 
 /// One measured share and one known coefficient (1/mm), with standard errors ≥ 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Single {
+pub struct SingleMeasurement {
     /// Which share was measured.
-    pub share: Share,
+    pub share: SlabShare,
     /// Its value.
     pub value: f64,
     /// Its standard error.
     pub err: f64,
     /// Which coefficient is known.
-    pub known: Coefficient,
+    pub known: SlabCoefficient,
     /// Its value (1/mm).
     pub sigma: f64,
     /// Its standard error.
@@ -60,17 +60,17 @@ enum Roots {
 
 /// A slab with one coefficient known.
 struct Curve<'a> {
-    model: &'a Model,
-    share: Share,
-    known: Coefficient,
+    model: &'a SlabModel,
+    share: SlabShare,
+    known: SlabCoefficient,
 }
 
 impl Curve<'_> {
     /// The share at the known σh and the unknown σh.
     fn at(&self, known: f64, unknown: f64) -> f64 {
         let (a, s) = match self.known {
-            Coefficient::Absorption => (known, unknown),
-            Coefficient::Scattering => (unknown, known),
+            SlabCoefficient::Absorption => (known, unknown),
+            SlabCoefficient::Scattering => (unknown, known),
         };
         let delta = a + s;
         let r = if delta > 0.0 {
@@ -79,13 +79,13 @@ impl Curve<'_> {
             self.model.response(0.0, 1.0, 0.0)
         };
         match self.share {
-            Share::Reflected => r.rho_d,
-            Share::Transmitted => r.rho_t,
+            SlabShare::Reflected => r.rho_d,
+            SlabShare::Transmitted => r.rho_t,
         }
     }
 
     fn roots(&self, known: f64, value: f64) -> Roots {
-        if self.share == Share::Transmitted && value < SMALLEST {
+        if self.share == SlabShare::Transmitted && value < SMALLEST {
             // Every slab that is thick enough transmits nothing.
             return Roots::None { nearest: f64::INFINITY, share: 0.0 };
         }
@@ -139,12 +139,12 @@ fn bisect(f: &dyn Fn(f64) -> f64, [mut a, mut b]: [f64; 2], [mut fa, mut fb]: [f
 }
 
 /// The slab of this thickness with the measured share and the known coefficient.
-pub fn invert_single(model: &Model, single: &Single, thickness_mm: f64) -> Estimate {
+pub fn invert_single(model: &SlabModel, single: &SingleMeasurement, thickness_mm: f64) -> SlabEstimate {
     let h = thickness_mm;
     if let Some(why) = thickness_trouble(h).or_else(|| trouble(single)) {
-        return Estimate::refused(why);
+        return SlabEstimate::refused(why);
     }
-    let Single { share, value, known, sigma, sigma_err, .. } = *single;
+    let SingleMeasurement { share, value, known, sigma, sigma_err, .. } = *single;
     let err = single.err.hypot(model.error * value.abs()).hypot(ROUNDING);
     let curve = Curve { model, share, known };
     let (name, unknown) = names(single);
@@ -162,8 +162,8 @@ pub fn invert_single(model: &Model, single: &Single, thickness_mm: f64) -> Estim
             let other = curve.at((sigma + sigma_err) * h, end) - curve.at(sigma * h, end);
             if (value - reached).abs() > IMPOSSIBLE * err.hypot(other) {
                 let which = if value > reached { "at most" } else { "at least" };
-                let known = if known == Coefficient::Absorption { "sigma_a" } else { "sigma_s" };
-                return Estimate::refused(format!(
+                let known = if known == SlabCoefficient::Absorption { "sigma_a" } else { "sigma_s" };
+                return SlabEstimate::refused(format!(
                     "{name} is {value}; a slab of this thickness with {known} {sigma} has {which} {reached:.4}"
                 ));
             }
@@ -197,7 +197,7 @@ pub fn invert_single(model: &Model, single: &Single, thickness_mm: f64) -> Estim
     let all: Vec<f64> = end(1.0).into_iter().chain(end(-1.0)).chain([centre]).collect();
     // Where no slab of the range reaches the value, the range's end bounds it.
     let (low, high) = all.iter().fold((RANGE[1].exp(), 0.0_f64), |(l, u), &x| (l.min(x), u.max(x)));
-    let opaque = share == Share::Transmitted && value <= OPAQUE * err;
+    let opaque = share == SlabShare::Transmitted && value <= OPAQUE * err;
     let high = if opaque { f64::INFINITY } else { high };
     let relative = own / centre;
     let fits = |x: f64| x > 0.6 * WIDTH * relative - 1e-3 && x < 1.6 * WIDTH * relative + 1e-3;
@@ -218,26 +218,26 @@ pub fn invert_single(model: &Model, single: &Single, thickness_mm: f64) -> Estim
 }
 
 /// Names of the measured column and of the unknown one.
-fn names(single: &Single) -> (&'static str, &'static str) {
+fn names(single: &SingleMeasurement) -> (&'static str, &'static str) {
     let measured = match single.share {
-        Share::Reflected => "rho_d",
-        Share::Transmitted => "rho_t",
+        SlabShare::Reflected => "rho_d",
+        SlabShare::Transmitted => "rho_t",
     };
     let unknown = match single.known {
-        Coefficient::Absorption => "sigma_s",
-        Coefficient::Scattering => "sigma_a",
+        SlabCoefficient::Absorption => "sigma_s",
+        SlabCoefficient::Scattering => "sigma_a",
     };
     (measured, unknown)
 }
 
 /// Why these are no measurements, if so.
-fn trouble(single: &Single) -> Option<String> {
+fn trouble(single: &SingleMeasurement) -> Option<String> {
     let (name, _) = names(single);
     let known = match single.known {
-        Coefficient::Absorption => "known_sigma_a",
-        Coefficient::Scattering => "known_sigma_s",
+        SlabCoefficient::Absorption => "known_sigma_a",
+        SlabCoefficient::Scattering => "known_sigma_s",
     };
-    let Single { value, err, sigma, sigma_err, .. } = *single;
+    let SingleMeasurement { value, err, sigma, sigma_err, .. } = *single;
     if let Some(why) = super::no_share(name, value, err) {
         return Some(why);
     }
@@ -251,12 +251,12 @@ fn trouble(single: &Single) -> Option<String> {
 }
 
 /// The estimate with the known coefficient as it was given.
-fn answer(single: &Single, found: f64, err: f64, status: Status) -> Estimate {
+fn answer(single: &SingleMeasurement, found: f64, err: f64, status: Status) -> SlabEstimate {
     let ([a, s], [ea, es]) = match single.known {
-        Coefficient::Absorption => ([single.sigma, found], [single.sigma_err, err]),
-        Coefficient::Scattering => ([found, single.sigma], [err, single.sigma_err]),
+        SlabCoefficient::Absorption => ([single.sigma, found], [single.sigma_err, err]),
+        SlabCoefficient::Scattering => ([found, single.sigma], [err, single.sigma_err]),
     };
-    Estimate {
+    SlabEstimate {
         sigma_a: a,
         sigma_s: s,
         sigma_a_err: ea,

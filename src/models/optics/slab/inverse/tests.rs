@@ -1,5 +1,5 @@
 use super::*;
-use crate::slab::{exact, response};
+use crate::slab::{medium, response};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -20,8 +20,8 @@ fn returns_to_the_slab_it_came_from() {
         let (omega, delta) = (0.02 + 0.97 * rng.random::<f64>(), log_uniform(&mut rng, 0.02, 12.0));
         let h = log_uniform(&mut rng, 0.05, 2.0);
         let (a, s) = ((1.0 - omega) * delta / h, omega * delta / h);
-        let r = exact::response(a, s, h);
-        for (precision, digits) in [(Precision::Fast, 1e-6), (Precision::Exact, 1e-9)] {
+        let r = medium::response(a, s, h);
+        for (precision, digits) in [(InversionPrecision::Fast, 1e-6), (InversionPrecision::Exact, 1e-9)] {
             let e = invert_with(precision, r.rho_d, r.rho_t, h, 1e-9, 1e-9);
             if e.status.is_ok() {
                 determined += 1;
@@ -135,11 +135,11 @@ fn inversions_a_second() {
     let rows: Vec<_> = (0..20_000)
         .map(|_| {
             let (omega, delta) = (0.02 + 0.97 * rng.random::<f64>(), log_uniform(&mut rng, 0.02, 12.0));
-            let r = exact::solve(omega, 1.0 - omega, delta);
+            let r = medium::solve(omega, 1.0 - omega, delta);
             (r, [(1.0 - omega) * delta, omega * delta])
         })
         .collect();
-    for (precision, passes) in [(Precision::Fast, 50), (Precision::Exact, 1)] {
+    for (precision, passes) in [(InversionPrecision::Fast, 50), (InversionPrecision::Exact, 1)] {
         let mut worst = [0.0_f64; 2];
         let mut ok = 0;
         let clock = std::time::Instant::now();
@@ -181,7 +181,7 @@ fn no_noise_from_clear_to_opaque_to_the_edge_of_numbers() {
         let side = log_uniform(&mut rng, 1e-9, 1.0);
         let (omega, absorbed) = if rng.random::<f64>() < 0.5 { (side, 1.0 - side) } else { (1.0 - side, side) };
         let delta = log_uniform(&mut rng, 1e-6, 600.0);
-        let r = exact::solve(omega, absorbed, delta);
+        let r = medium::solve(omega, absorbed, delta);
         let e = invert(r.rho_d, r.rho_t, 1.0, 0.0, 0.0);
         assert!(!matches!(e.status, Status::Refused(_)), "ω {omega} Δ {delta}: {e:?}");
         if e.status.is_ok() {
@@ -220,19 +220,22 @@ fn far_from_the_edges_determined_errors_are_linear() {
         };
         let lost = 1.0 - r - t;
         let ratio = log_uniform(&mut rng, 0.1, 10.0);
-        let Some(point) = (if lost > 0.0 { solve(Model::matched(), r, t, lost, Precision::Fast) } else { None }) else {
+        let Some(point) =
+            (if lost > 0.0 { solve(SlabModel::matched(), r, t, lost, InversionPrecision::Fast) } else { None })
+        else {
             continue;
         };
         // The largest noise of this ratio that leaves both parameters determined.
         let unit = Measured { r, t, r_err: 1e-3 * ratio, t_err: 1e-3 / ratio };
-        let scale = DETERMINED / Spread::new(Model::matched(), &point, &unit).relative.into_iter().fold(0.0, f64::max);
+        let scale =
+            DETERMINED / Spread::new(SlabModel::matched(), &point, &unit).relative.into_iter().fold(0.0, f64::max);
         let m = Measured { r_err: scale * unit.r_err, t_err: scale * unit.t_err, ..unit };
-        if near_edge(Model::matched(), &m, lost) {
+        if near_edge(SlabModel::matched(), &m, lost) {
             continue;
         }
         asked += 1;
-        let spread = Spread::new(Model::matched(), &point, &m);
-        assert!(bounds::nearly_linear(Model::matched(), &m, &point, &spread, Precision::Fast), "{m:?}");
+        let spread = Spread::new(SlabModel::matched(), &point, &m);
+        assert!(bounds::nearly_linear(SlabModel::matched(), &m, &point, &spread, InversionPrecision::Fast), "{m:?}");
     }
     assert!(asked > 500, "{asked}");
 }

@@ -7,12 +7,12 @@
 //! stores G₁ = ρd / (ω h(Δ)), h = Δ/(1+Δ), and G₂ = −ln ρt / Δ. Slabs thinner than the table's range use a series in Δ
 //! ln Δ; thicker ones use the exact solution.
 
-use super::Response;
+use super::SlabResponse;
 #[cfg(target_arch = "x86_64")]
 use mesophyll_base::processor::InstructionSet;
 use std::sync::OnceLock;
 
-pub mod build;
+pub mod construction;
 
 /// Number of polynomial coefficients in each direction.
 pub(crate) const ORDER: usize = 10;
@@ -29,7 +29,7 @@ const EXTRAPOLATED: f64 = 1.42;
 
 /// G₁ and G₂ at a point, with their derivatives by 1−ω and by Δ.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scaled {
+pub struct TablePoint {
     /// G₁ and G₂.
     pub g: [f64; 2],
     /// Their derivatives by 1 − ω.
@@ -48,7 +48,7 @@ struct Patch {
 }
 
 /// Patches in rows of q, a row's patches ordered by ξ.
-pub struct Table {
+pub struct SlabTable {
     /// Δ from and to which the table reaches.
     pub range: [f64; 2],
     /// Twice the extrapolated distance in [`coordinate`].
@@ -87,24 +87,28 @@ fn absorbed_at(xi: f64, delta: f64, extrapolated: f64) -> f64 {
     ((xi * c.ln_1p()).exp_m1() / c).min(1.0)
 }
 
-impl Table {
+impl SlabTable {
     /// The committed table.
-    pub fn committed() -> &'static Table {
-        static TABLE: OnceLock<Table> = OnceLock::new();
+    pub fn committed() -> &'static SlabTable {
+        static TABLE: OnceLock<SlabTable> = OnceLock::new();
         TABLE.get_or_init(|| {
-            Table::read(include_bytes!("../../../../../data/slab/response.bin"), [DELTA_MIN, DELTA_MAX], EXTRAPOLATED)
+            SlabTable::read(
+                include_bytes!("../../../../../data/slab/response.bin"),
+                [DELTA_MIN, DELTA_MAX],
+                EXTRAPOLATED,
+            )
         })
     }
 
     /// G₁, G₂ and derivatives for DELTA_MIN ≤ Δ ≤ DELTA_MAX, 0 ≤ 1−ω ≤ 1.
     #[inline]
-    pub fn at(&self, absorbed: f64, delta: f64) -> Scaled {
+    pub fn at(&self, absorbed: f64, delta: f64) -> TablePoint {
         self.at_log(absorbed, delta, delta.ln())
     }
 
     /// [`Table::at`] where q = ln Δ is known.
     #[inline]
-    pub(crate) fn at_log(&self, absorbed: f64, delta: f64, q: f64) -> Scaled {
+    pub(crate) fn at_log(&self, absorbed: f64, delta: f64, q: f64) -> TablePoint {
         let (xi, xi_a, xi_d) = coordinate(absorbed, delta, self.extrapolated);
         let cell = ((q - self.lowest) * self.density) as usize;
         let row = &self.rows[usize::from(self.row_of_cell[cell.min(self.row_of_cell.len() - 1)])];
@@ -113,7 +117,7 @@ impl Table {
         let y = (q - patch.centre[0]) * patch.inverse[0];
         let (g, gx, gy) = patch.evaluate(x, y);
         let (sx, sy) = (patch.inverse[1], patch.inverse[0] / delta);
-        Scaled {
+        TablePoint {
             g,
             by_absorbed: [gx[0] * sx * xi_a, gx[1] * sx * xi_a],
             by_delta: [gx[0] * sx * xi_d + gy[0] * sy, gx[1] * sx * xi_d + gy[1] * sy],
@@ -122,25 +126,25 @@ impl Table {
 
     /// A new table over Δ from `delta[0]` to `delta[1]` whose largest error is about `tolerance`. It serves the sweep
     /// over table sizes.
-    pub fn made(delta: [f64; 2], tolerance: f64) -> Table {
-        Table::of(&build::Source {
+    pub fn made(delta: [f64; 2], tolerance: f64) -> SlabTable {
+        SlabTable::of(&construction::Source {
             delta,
             extrapolated: EXTRAPOLATED,
             tolerance,
-            checks: build::CHECKS,
-            scaled: &build::matched,
+            checks: construction::CHECKS,
+            scaled: &construction::matched,
         })
     }
 
     /// A table of any G₁ and G₂.
-    pub(crate) fn of(source: &build::Source) -> Table {
-        Table::read(&build::bytes_of(source, |_| {}), source.delta, source.extrapolated)
+    pub(crate) fn of(source: &construction::Source) -> SlabTable {
+        SlabTable::read(&construction::bytes_of(source, |_| {}), source.delta, source.extrapolated)
     }
 
     /// ρd and ρt within the table's range of Δ.
-    pub fn response(&self, omega: f64, absorbed: f64, delta: f64) -> Response {
+    pub fn response(&self, omega: f64, absorbed: f64, delta: f64) -> SlabResponse {
         let s = self.at(absorbed, delta);
-        Response { rho_d: omega * delta / (1.0 + delta) * s.g[0], rho_t: (-delta * s.g[1]).exp() }
+        SlabResponse { rho_d: omega * delta / (1.0 + delta) * s.g[0], rho_t: (-delta * s.g[1]).exp() }
     }
 
     /// Size in bytes.
@@ -150,12 +154,12 @@ impl Table {
     }
 
     /// Reads a table written by [`build::bytes`].
-    fn read(bytes: &[u8], range: [f64; 2], extrapolated: f64) -> Table {
+    fn read(bytes: &[u8], range: [f64; 2], extrapolated: f64) -> SlabTable {
         let mut numbers =
             bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
         let mut next = || numbers.next().unwrap_or(f64::NAN);
         let mut table =
-            Table { range, extrapolated, rows: Vec::new(), lowest: 0.0, density: 0.0, row_of_cell: Vec::new() };
+            SlabTable { range, extrapolated, rows: Vec::new(), lowest: 0.0, density: 0.0, row_of_cell: Vec::new() };
         let mut spans = Vec::new();
         for _ in 0..next() as usize {
             let (low, high) = (next(), next());
@@ -235,7 +239,7 @@ type Local = ([f64; 2], [f64; 2], [f64; 2]);
 
 /// For slabs thinner than the table's range: the first two terms in Δ and ln Δ (relative error below 3e-10), with
 /// derivatives by 1−ω and Δ.
-pub(crate) fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [Response; 2]) {
+pub(crate) fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (SlabResponse, [SlabResponse; 2]) {
     let log = if delta > 0.0 { delta.ln() } else { 0.0 };
     // ρ = (ω/2) ∫E₂(t)(1−t) dt + (ω/2)² ∫∫E₁(|t−s|) dt ds; to this order both sides give the same.
     let once = delta * (1.0 + 0.5 * delta * (log + EULER_GAMMA - 2.5));
@@ -246,15 +250,15 @@ pub(crate) fn thin_series(omega: f64, absorbed: f64, delta: f64) -> (Response, [
     let scattered = half * (once + half * twice);
     let by_omega = 0.5 * once + half * twice;
     let by_delta = half * (once_by + half * twice_by);
-    let mut at = Response { rho_d: scattered, rho_t: (-delta).exp() + scattered };
+    let mut at = SlabResponse { rho_d: scattered, rho_t: (-delta).exp() + scattered };
     if absorbed == 0.0 {
         at.conserve();
     }
     (
         at,
         [
-            Response { rho_d: -by_omega, rho_t: -by_omega },
-            Response { rho_d: by_delta, rho_t: by_delta - (-delta).exp() },
+            SlabResponse { rho_d: -by_omega, rho_t: -by_omega },
+            SlabResponse { rho_d: by_delta, rho_t: by_delta - (-delta).exp() },
         ],
     )
 }

@@ -10,7 +10,7 @@
 //! whatever the samples. The paper's Eq. 3.21 takes the identity for G ([`Weights::Plain`]). With random directions
 //! that alone costs some per cent on a flat leaf.
 
-use super::lights::{Lights, Rule};
+use super::lights::{DirectionRule, DirectionSet};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
@@ -26,7 +26,7 @@ pub const FLAT: f64 = 0.835_542_758_210_333_9;
 
 /// A set of functions on the upper hemisphere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Basis {
+pub enum HemisphereBasis {
     /// Three linear functions.
     HalfLife2,
     /// The Half-Life 2 functions of a light whose part along the blade is first multiplied by (2z/(1+z))^¼ ([`bent`]).
@@ -62,84 +62,84 @@ pub enum Basis {
     },
 }
 
-impl From<mesophyll_base::surface::basis::Basis> for Basis {
-    fn from(drawn: mesophyll_base::surface::basis::Basis) -> Basis {
+impl From<mesophyll_base::surface::basis::TranslucencyBasis> for HemisphereBasis {
+    fn from(drawn: mesophyll_base::surface::basis::TranslucencyBasis) -> HemisphereBasis {
         match drawn {
-            mesophyll_base::surface::basis::Basis::HalfLife2 => Basis::HalfLife2,
-            mesophyll_base::surface::basis::Basis::Bent => Basis::Bent { count: 3 },
+            mesophyll_base::surface::basis::TranslucencyBasis::HalfLife2 => HemisphereBasis::HalfLife2,
+            mesophyll_base::surface::basis::TranslucencyBasis::Bent => HemisphereBasis::Bent { count: 3 },
         }
     }
 }
 
 /// How samples are weighted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Weights {
+pub enum SampleWeights {
     /// Least squares over solid angle: solid angles and the Gram matrix of the sample set.
     Gram,
     /// The paper's sum (H9 Eq. 3.21): the Gram matrix is taken for the identity. For orthonormal bases only.
     Plain,
 }
 
-impl Basis {
+impl HemisphereBasis {
     /// Number of functions, and of coefficients a texel.
     pub fn count(self) -> usize {
         match self {
-            Basis::HalfLife2 => 3,
-            Basis::Bent { count } => {
+            HemisphereBasis::HalfLife2 => 3,
+            HemisphereBasis::Bent { count } => {
                 if count > 3 {
                     6
                 } else {
                     3
                 }
             }
-            Basis::HBasis { count } => count.min(6),
-            Basis::Spherical { bands } | Basis::Hemispherical { bands } => bands.min(6).pow(2),
-            Basis::Cosine { degree } => [0, 1, 3, 6][degree.min(3)],
+            HemisphereBasis::HBasis { count } => count.min(6),
+            HemisphereBasis::Spherical { bands } | HemisphereBasis::Hemispherical { bands } => bands.min(6).pow(2),
+            HemisphereBasis::Cosine { degree } => [0, 1, 3, 6][degree.min(3)],
         }
     }
 
     /// Those that `fit translucency` offers, the default first.
-    pub const OFFERED: [Basis; 7] = [
-        Basis::HalfLife2,
-        Basis::Bent { count: 3 },
-        Basis::Bent { count: 6 },
-        Basis::HBasis { count: 6 },
-        Basis::Cosine { degree: 3 },
-        Basis::Spherical { bands: 3 },
-        Basis::Hemispherical { bands: 3 },
+    pub const OFFERED: [HemisphereBasis; 7] = [
+        HemisphereBasis::HalfLife2,
+        HemisphereBasis::Bent { count: 3 },
+        HemisphereBasis::Bent { count: 6 },
+        HemisphereBasis::HBasis { count: 6 },
+        HemisphereBasis::Cosine { degree: 3 },
+        HemisphereBasis::Spherical { bands: 3 },
+        HemisphereBasis::Hemispherical { bands: 3 },
     ];
 
     /// Its name in files, in tables and on the command line: the kind of functions and how many there are, such as
     /// `h-basis-6`. Half-Life 2 is a game; its basis has three functions and no number of its own.
     pub fn name(self) -> String {
         match self {
-            Basis::HalfLife2 => "half-life-2".into(),
-            Basis::Bent { .. } => format!("bent-{}", self.count()),
-            Basis::HBasis { .. } => format!("h-basis-{}", self.count()),
-            Basis::Spherical { .. } => format!("spherical-{}", self.count()),
-            Basis::Hemispherical { .. } => format!("hemispherical-{}", self.count()),
-            Basis::Cosine { .. } => format!("cosine-{}", self.count()),
+            HemisphereBasis::HalfLife2 => "half-life-2".into(),
+            HemisphereBasis::Bent { .. } => format!("bent-{}", self.count()),
+            HemisphereBasis::HBasis { .. } => format!("h-basis-{}", self.count()),
+            HemisphereBasis::Spherical { .. } => format!("spherical-{}", self.count()),
+            HemisphereBasis::Hemispherical { .. } => format!("hemispherical-{}", self.count()),
+            HemisphereBasis::Cosine { .. } => format!("cosine-{}", self.count()),
         }
     }
 
     /// What its functions are, in a few words.
     pub fn describe(self) -> &'static str {
         match self {
-            Basis::HalfLife2 => "three linear functions, those of the game Half-Life 2",
-            Basis::Bent { .. } if self.count() == 3 => {
+            HemisphereBasis::HalfLife2 => "three linear functions, those of the game Half-Life 2",
+            HemisphereBasis::Bent { .. } if self.count() == 3 => {
                 "the same three of a light that is bent so that its difference between sides ends at the horizon"
             }
-            Basis::Bent { .. } => "those three, z² and the two of second order in azimuth",
-            Basis::HBasis { .. } => "the H-basis: constant, linear, and of second order in the tangent plane",
-            Basis::Spherical { .. } => "spherical harmonics, restricted to the hemisphere",
-            Basis::Hemispherical { .. } => "harmonics that are orthogonal on the hemisphere",
-            Basis::Cosine { .. } => "z times polynomials, which vanish at the horizon",
+            HemisphereBasis::Bent { .. } => "those three, z² and the two of second order in azimuth",
+            HemisphereBasis::HBasis { .. } => "the H-basis: constant, linear, and of second order in the tangent plane",
+            HemisphereBasis::Spherical { .. } => "spherical harmonics, restricted to the hemisphere",
+            HemisphereBasis::Hemispherical { .. } => "harmonics that are orthogonal on the hemisphere",
+            HemisphereBasis::Cosine { .. } => "z times polynomials, which vanish at the horizon",
         }
     }
 
     /// The basis of that [`Basis::name`]. Fits of former versions have other names for the two that renderers draw;
     /// these are understood too.
-    pub fn named(name: &str) -> Option<Basis> {
+    pub fn named(name: &str) -> Option<HemisphereBasis> {
         let name = match name {
             "half-life 2" => "half-life-2",
             "bent half-life 2, 3" => "bent-3",
@@ -149,20 +149,24 @@ impl Basis {
         let count = number.parse::<usize>().ok()?;
         let of_bands = || (0..=6).find(|bands| bands * bands == count);
         let basis = match kind {
-            "half-life" => Basis::HalfLife2,
-            "bent" => Basis::Bent { count },
-            "h-basis" => Basis::HBasis { count },
-            "spherical" => Basis::Spherical { bands: of_bands()? },
-            "hemispherical" => Basis::Hemispherical { bands: of_bands()? },
-            "cosine" => Basis::Cosine { degree: (0..=3).find(|d| Basis::Cosine { degree: *d }.count() == count)? },
+            "half-life" => HemisphereBasis::HalfLife2,
+            "bent" => HemisphereBasis::Bent { count },
+            "h-basis" => HemisphereBasis::HBasis { count },
+            "spherical" => HemisphereBasis::Spherical { bands: of_bands()? },
+            "hemispherical" => HemisphereBasis::Hemispherical { bands: of_bands()? },
+            "cosine" => HemisphereBasis::Cosine {
+                degree: (0..=3).find(|d| HemisphereBasis::Cosine { degree: *d }.count() == count)?,
+            },
             _ => return None,
         };
         (basis.name() == name).then_some(basis)
     }
 
     /// The basis as renderers draw it, if they do.
-    pub fn drawn(self) -> Option<mesophyll_base::surface::basis::Basis> {
-        mesophyll_base::surface::basis::Basis::ALL.into_iter().find(|drawn| Basis::from(*drawn) == self)
+    pub fn drawn(self) -> Option<mesophyll_base::surface::basis::TranslucencyBasis> {
+        mesophyll_base::surface::basis::TranslucencyBasis::ALL
+            .into_iter()
+            .find(|drawn| HemisphereBasis::from(*drawn) == self)
     }
 
     /// Bytes for each texel as half floats, the form in which textures keep them.
@@ -175,42 +179,45 @@ impl Basis {
     pub fn operations(self) -> [usize; 2] {
         match self {
             // For coefficients as they are stored: three dot products, weighted. As a vector ([`vector`]) it takes 3.
-            Basis::HalfLife2 => [12, 0],
-            Basis::Bent { .. } => {
+            HemisphereBasis::HalfLife2 => [12, 0],
+            HemisphereBasis::Bent { .. } => {
                 if self.count() > 3 {
                     [25, 2]
                 } else {
                     [16, 2]
                 }
             }
-            Basis::HBasis { count } => [count.min(6) + if count > 4 { 4 } else { 1 }, 0],
+            HemisphereBasis::HBasis { count } => [count.min(6) + if count > 4 { 4 } else { 1 }, 0],
             // Each function of higher order takes one more product than those before.
-            Basis::Spherical { .. } => [2 * self.count(), 0],
-            Basis::Hemispherical { .. } => [2 * self.count() + 2, usize::from(self.count() > 1)],
-            Basis::Cosine { .. } => [2 * self.count(), 0],
+            HemisphereBasis::Spherical { .. } => [2 * self.count(), 0],
+            HemisphereBasis::Hemispherical { .. } => [2 * self.count() + 2, usize::from(self.count() > 1)],
+            HemisphereBasis::Cosine { .. } => [2 * self.count(), 0],
         }
     }
 
     /// Whether ∫ φ_i φ_j dω is the identity.
     pub fn orthonormal(self) -> bool {
-        matches!(self, Basis::HalfLife2 | Basis::HBasis { .. } | Basis::Hemispherical { .. })
+        matches!(
+            self,
+            HemisphereBasis::HalfLife2 | HemisphereBasis::HBasis { .. } | HemisphereBasis::Hemispherical { .. }
+        )
     }
 
     /// Function `i` (below [`Basis::count`]) in a unit direction with z ≥ 0.
     pub fn value(self, i: usize, direction: [f64; 3]) -> f64 {
         let [x, y, z] = direction;
         match self {
-            Basis::HalfLife2 => {
+            HemisphereBasis::HalfLife2 => {
                 let h = HALF_LIFE_2[i];
                 (3.0 / TAU).sqrt() * (h[0] * x + h[1] * y + h[2] * z)
             }
-            Basis::Bent { .. } => match i {
-                0..3 => Basis::HalfLife2.value(i, self.argument(direction)),
+            HemisphereBasis::Bent { .. } => match i {
+                0..3 => HemisphereBasis::HalfLife2.value(i, self.argument(direction)),
                 3 => z * z,
                 4 => z / (1.0 + z) * (x * x - y * y),
                 _ => z / (1.0 + z) * 2.0 * x * y,
             },
-            Basis::HBasis { .. } => match i {
+            HemisphereBasis::HBasis { .. } => match i {
                 0 => 1.0 / TAU.sqrt(),
                 1 => (3.0 / TAU).sqrt() * y,
                 2 => (3.0 / TAU).sqrt() * (2.0 * z - 1.0),
@@ -218,22 +225,22 @@ impl Basis {
                 4 => (15.0 / TAU).sqrt() * x * y,
                 _ => 0.5 * (15.0 / TAU).sqrt() * (x * x - y * y),
             },
-            Basis::Spherical { .. } => harmonic(i, z, x, y) / 2f64.sqrt(),
-            Basis::Hemispherical { .. } => harmonic(i, 2.0 * z - 1.0, x, y),
-            Basis::Cosine { .. } => z * [1.0, x, y, x * y, x * x - y * y, x * x + y * y][i],
+            HemisphereBasis::Spherical { .. } => harmonic(i, z, x, y) / 2f64.sqrt(),
+            HemisphereBasis::Hemispherical { .. } => harmonic(i, 2.0 * z - 1.0, x, y),
+            HemisphereBasis::Cosine { .. } => z * [1.0, x, y, x * y, x * x - y * y, x * x + y * y][i],
         }
     }
 
     /// The direction at which the three linear functions are evaluated: the light's, or the bent one. With [`vector`]
     /// it reconstructs by one dot product.
     pub fn argument(self, direction: [f64; 3]) -> [f64; 3] {
-        if let Basis::Bent { .. } = self { bent(direction) } else { direction }
+        if let HemisphereBasis::Bent { .. } = self { bent(direction) } else { direction }
     }
 
     /// ∫ φ_i dω over the hemisphere, of each function.
     pub fn integrals(self) -> Vec<f64> {
         // The rule is exact: after the integral over azimuth only polynomials of low degree in z are left.
-        let rule = Lights::new(Rule::Product { levels: 16, azimuths: 16 });
+        let rule = DirectionSet::new(DirectionRule::Product { levels: 16, azimuths: 16 });
         let over = |i: usize| rule.directions.iter().zip(&rule.weights).map(|(d, w)| w * self.value(i, *d)).sum();
         (0..self.count()).map(over).collect()
     }
@@ -289,11 +296,11 @@ impl Projector {
     /// # Errors
     /// A sentence where the lights do not determine the coefficients (fewer lights than functions, or badly placed
     /// ones), or where plain sums are asked for a basis that is not orthonormal.
-    pub fn new(basis: Basis, lights: &Lights, weights: Weights) -> Result<Projector, String> {
+    pub fn new(basis: HemisphereBasis, lights: &DirectionSet, weights: SampleWeights) -> Result<Projector, String> {
         let (n, count) = (lights.len(), basis.count());
         let values = DMatrix::from_fn(count, n, |i, m| basis.value(i, lights.directions[m]));
         let weighted = DMatrix::from_fn(count, n, |i, m| lights.weights[m] * values[(i, m)]);
-        let matrix = if weights == Weights::Plain {
+        let matrix = if weights == SampleWeights::Plain {
             if !basis.orthonormal() {
                 return Err(format!("plain sums want an orthonormal basis; {} is none", basis.name()));
             }
@@ -316,7 +323,7 @@ impl Projector {
     }
 
     /// A projector to one image, ∫ f dω: the transmitted light under a uniform sky.
-    pub fn total(lights: &Lights) -> Projector {
+    pub fn total(lights: &DirectionSet) -> Projector {
         Projector { directions: lights.directions.clone(), matrix: vec![lights.weights.clone()] }
     }
 

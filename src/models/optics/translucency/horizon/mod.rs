@@ -35,19 +35,19 @@ pub struct Horizon {
 
 /// Where an azimuth lies between the slices.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Between {
+pub struct SliceInterpolation {
     /// The slices on either side of the azimuth.
     pub slices: [usize; 2],
     /// Weight of the second slice.
     pub fraction: f64,
 }
 
-impl Between {
+impl SliceInterpolation {
     /// The slices beside the azimuth of a direction. Straight above there is no azimuth, and any slices will do.
-    pub fn of(direction: [f64; 3]) -> Between {
+    pub fn of(direction: [f64; 3]) -> SliceInterpolation {
         let place = (direction[1].atan2(direction[0]) / TAU).rem_euclid(1.0) * SLICES as f64;
         let low = place.floor();
-        Between { slices: [low as usize % SLICES, (low as usize + 1) % SLICES], fraction: place - low }
+        SliceInterpolation { slices: [low as usize % SLICES, (low as usize + 1) % SLICES], fraction: place - low }
     }
 }
 
@@ -100,7 +100,7 @@ impl Horizon {
     }
 
     /// Sine of the horizon's elevation at a texel in the azimuth of a direction.
-    pub fn sine(&self, texel: usize, between: Between) -> f64 {
+    pub fn sine(&self, texel: usize, between: SliceInterpolation) -> f64 {
         let [a, b] = between.slices.map(|k| f64::from(self.slice(k)[texel]));
         a + between.fraction * (b - a)
     }

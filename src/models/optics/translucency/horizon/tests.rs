@@ -1,14 +1,14 @@
 use super::*;
 use crate::side::Side;
-use crate::translucency::blade::Blade;
+use crate::translucency::blade::BladeMaps;
 
 /// A blade with a given front relief (mm over columns and rows in mm, y up) and mask.
-fn relief(w: usize, h: usize, texel: f64, on: impl Fn(f64, f64) -> bool, z: impl Fn(f64, f64) -> f64) -> Blade {
+fn relief(w: usize, h: usize, texel: f64, on: impl Fn(f64, f64) -> bool, z: impl Fn(f64, f64) -> f64) -> BladeMaps {
     let place = |k: usize| (texel * (k % w) as f64, -texel * (k / w) as f64);
     let mask: Vec<bool> = (0..w * h).map(|k| on(place(k).0, place(k).1)).collect();
     let front: Vec<f64> = (0..w * h).map(|k| z(place(k).0, place(k).1)).collect();
     let n = w * h;
-    Blade::from_heights(w, h, texel, mask, [front, vec![1.0; n]], [vec![1.0; n], vec![1.0; n]])
+    BladeMaps::from_heights(w, h, texel, mask, [front, vec![1.0; n]], [vec![1.0; n], vec![1.0; n]])
 }
 
 /// Sine of the horizon by walking the ray in small steps over the bilinear heights of the leaf.
@@ -95,7 +95,7 @@ fn slices_turn_from_x_to_y() {
 }
 
 /// Root mean square and largest difference from rays that are walked in the azimuths of the slices.
-fn against_rays(blade: &Blade) -> (f64, f64) {
+fn against_rays(blade: &BladeMaps) -> (f64, f64) {
     let lit = blade.lit(Side::Front);
     let horizon = Horizon::sampled(&lit, 1);
     let (mut sum, mut worst, mut count) = (0.0, 0.0f64, 0.0f64);
@@ -142,7 +142,7 @@ fn only_the_leaf_stands() {
     assert!((0..SLICES).all(|k| horizon.slice(k).iter().all(|s| *s == 0.0)));
     // A lone texel, a single row, a single column.
     for (w, h) in [(1, 1), (1, 9), (9, 1)] {
-        let blade = Blade::flat(w, h, 0.1, 0.2, 1.0);
+        let blade = BladeMaps::flat(w, h, 0.1, 0.2, 1.0);
         assert_eq!(Horizon::new(&blade.lit(Side::Front)), Horizon::level(w, h));
     }
 }

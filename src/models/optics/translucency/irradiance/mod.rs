@@ -7,7 +7,7 @@
 
 use super::basis::Projector;
 use super::blade::LitSide;
-use super::horizon::{Between, Horizon, SLICES};
+use super::horizon::{Horizon, SLICES, SliceInterpolation};
 use rayon::prelude::*;
 
 /// How the light's elevation is compared with the horizon's.
@@ -30,7 +30,7 @@ pub enum Visibility {
 #[derive(Clone, Copy)]
 struct Light {
     direction: [f64; 3],
-    between: Between,
+    between: SliceInterpolation,
     /// V = clamp(gain·(z − h) + ½, 0, 1), or z > h where the gain is infinite.
     visibility: Visibility,
 }
@@ -41,7 +41,7 @@ impl Light {
             Visibility::Soft { width } if !(width > 0.0) => Visibility::Hard,
             other => other,
         };
-        Light { direction, between: Between::of(direction), visibility }
+        Light { direction, between: SliceInterpolation::of(direction), visibility }
     }
 
     /// V·max(0, n·ω), with the sines of the horizon in the two slices beside the light.

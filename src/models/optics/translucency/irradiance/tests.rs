@@ -1,11 +1,11 @@
 use super::*;
 use crate::side::{Side, mirror};
-use crate::translucency::basis::{Basis, FLAT, Weights};
-use crate::translucency::blade::Blade;
-use crate::translucency::lights::{Lights, Rule, raised};
+use crate::translucency::basis::{FLAT, HemisphereBasis, SampleWeights};
+use crate::translucency::blade::BladeMaps;
+use crate::translucency::lights::{DirectionRule, DirectionSet, raised};
 
 /// A blade with ridges, an uneven outline and entries that vary.
-fn ridged(w: usize, h: usize) -> Blade {
+fn ridged(w: usize, h: usize) -> BladeMaps {
     let n = w * h;
     let mask: Vec<bool> = (0..n)
         .map(|k| ((k % w) as f64 - 0.52 * w as f64).hypot((k / w) as f64 - 0.47 * h as f64) < 0.48 * h as f64)
@@ -17,12 +17,12 @@ fn ridged(w: usize, h: usize) -> Blade {
         (0..n).map(|k| 0.8 + 0.1 * (k as f64).sin()).collect(),
         (0..n).map(|k| 0.7 + 0.1 * (k as f64).cos()).collect(),
     ];
-    Blade::from_heights(w, h, 0.1, mask, [front, back], entry)
+    BladeMaps::from_heights(w, h, 0.1, mask, [front, back], entry)
 }
 
 #[test]
 fn a_flat_leaf_takes_the_cosine() {
-    let blade = Blade::flat(9, 7, 0.1, 0.2, 0.85);
+    let blade = BladeMaps::flat(9, 7, 0.1, 0.2, 0.85);
     let lit = blade.lit(Side::Back);
     let horizon = Horizon::new(&lit);
     for d in [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.48, 0.6, 0.64]] {
@@ -31,7 +31,9 @@ fn a_flat_leaf_takes_the_cosine() {
         }
     }
     assert!(irradiance(&lit, &horizon, [0.6, 0.0, -0.8], Visibility::Hard).iter().all(|e| *e == 0.0));
-    let projector = Projector::new(Basis::HalfLife2, &Lights::new(Rule::default()), Weights::Gram).unwrap();
+    let projector =
+        Projector::new(HemisphereBasis::HalfLife2, &DirectionSet::new(DirectionRule::default()), SampleWeights::Gram)
+            .unwrap();
     for image in project(&lit, &horizon, &projector, Visibility::Hard) {
         assert!(image.iter().all(|h| (h / (0.85 * FLAT) - 1.0).abs() < 1e-12));
     }
@@ -43,8 +45,14 @@ fn a_flat_leaf_takes_the_cosine() {
 fn a_tilted_plane_shadows_itself_by_its_normal() {
     let (w, h) = (24, 20);
     let z: Vec<f64> = (0..w * h).map(|k| 0.05 * (k % w) as f64).collect();
-    let blade =
-        Blade::from_heights(w, h, 0.1, vec![true; w * h], [z, vec![0.2; w * h]], [vec![1.0; w * h], vec![1.0; w * h]]);
+    let blade = BladeMaps::from_heights(
+        w,
+        h,
+        0.1,
+        vec![true; w * h],
+        [z, vec![0.2; w * h]],
+        [vec![1.0; w * h], vec![1.0; w * h]],
+    );
     let lit = blade.lit(Side::Front);
     let horizon = Horizon::new(&lit);
     let normal = [-0.5 / 1.25f64.sqrt(), 0.0, 1.0 / 1.25f64.sqrt()];
@@ -69,7 +77,7 @@ fn a_mirrored_blade_is_lit_the_mirrored_way() {
     blade.validate().unwrap();
     let heights = [mirror(&blade.front.height, w), mirror(&blade.back.height, w)];
     let entry = [mirror(&blade.front.entry, w), mirror(&blade.back.entry, w)];
-    let turned = Blade::from_heights(w, h, 0.1, mirror(&blade.mask, w), heights, entry);
+    let turned = BladeMaps::from_heights(w, h, 0.1, mirror(&blade.mask, w), heights, entry);
     for side in [Side::Front, Side::Back] {
         let (a, b) = (blade.lit(side), turned.lit(side));
         let (ha, hb) = (Horizon::new(&a), Horizon::new(&b));
@@ -91,7 +99,7 @@ fn projection_and_convolution_commute() {
     let blade = ridged(w, h);
     let lit = blade.lit(Side::Front);
     let horizon = Horizon::new(&lit);
-    let lights = Lights::new(Rule::default());
+    let lights = DirectionSet::new(DirectionRule::default());
     // A kernel that depends on the source's thickness.
     let convolve = |image: &[f64]| -> Vec<f64> {
         (0..w * h)
@@ -104,10 +112,11 @@ fn projection_and_convolution_commute() {
             })
             .collect()
     };
-    for (basis, visibility) in
-        [(Basis::HalfLife2, Visibility::Hard), (Basis::Cosine { degree: 3 }, Visibility::Soft { width: 0.1 })]
-    {
-        let projector = Projector::new(basis, &lights, Weights::Gram).unwrap();
+    for (basis, visibility) in [
+        (HemisphereBasis::HalfLife2, Visibility::Hard),
+        (HemisphereBasis::Cosine { degree: 3 }, Visibility::Soft { width: 0.1 }),
+    ] {
+        let projector = Projector::new(basis, &lights, SampleWeights::Gram).unwrap();
         let first: Vec<Vec<f64>> =
             project(&lit, &horizon, &projector, visibility).iter().map(|i| convolve(i)).collect();
         let mut after = vec![vec![0.0; w * h]; basis.count()];
@@ -142,7 +151,7 @@ fn the_total_is_the_sum_over_lights() {
     let blade = ridged(20, 16);
     let lit = blade.lit(Side::Back);
     let horizon = Horizon::new(&lit);
-    let lights = Lights::new(Rule::Product { levels: 4, azimuths: 8 });
+    let lights = DirectionSet::new(DirectionRule::Product { levels: 4, azimuths: 8 });
     let total = &project(&lit, &horizon, &Projector::total(&lights), Visibility::Hard)[0];
     let mut sum = vec![0.0; 20 * 16];
     for (d, weight) in lights.directions.iter().zip(&lights.weights) {

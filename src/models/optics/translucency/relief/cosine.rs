@@ -2,22 +2,22 @@
 //! the five-point Laplacian are those of the DCT-II. Transforms use complex FFTs of the same length (Makhoul 1980),
 //! with two real lines in each. Any size is allowed.
 
-use mesophyll_base::fourier::{self as fourier, Complex, Transform};
+use mesophyll_base::fourier::{self as fourier, Complex, FourierTransform};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Solver for maps of one size.
-pub struct Poisson {
+pub struct PoissonSolver {
     width: usize,
     height: usize,
     rows: Cosine,
     columns: Cosine,
 }
 
-impl Poisson {
+impl PoissonSolver {
     /// The solver for rectangles of this size.
-    pub fn new(width: usize, height: usize) -> Poisson {
-        Poisson { width, height, rows: Cosine::new(width), columns: Cosine::new(height) }
+    pub fn new(width: usize, height: usize) -> PoissonSolver {
+        PoissonSolver { width, height, rows: Cosine::new(width), columns: Cosine::new(height) }
     }
 
     /// The z with Σ over neighbours (z_k − z_n) = r_k, row-major. No z gives the mean of r; it is treated like the
@@ -46,8 +46,8 @@ impl Poisson {
 /// DCT-II of lines of one length and its inverse.
 struct Cosine {
     n: usize,
-    forward: Transform,
-    backward: Transform,
+    forward: FourierTransform,
+    backward: FourierTransform,
     /// e^(−iπk/2n).
     turn: Vec<Complex<f64>>,
 }
@@ -165,7 +165,7 @@ mod tests {
                     }
                 }
             }
-            let found = Poisson::new(w, h).solve(&r);
+            let found = PoissonSolver::new(w, h).solve(&r);
             let mean = |z: &[f64]| z.iter().sum::<f64>() / z.len() as f64;
             let (a, b) = (mean(&z), mean(&found));
             assert!(z.iter().zip(&found).all(|(x, y)| (x - a - y + b).abs() < 1e-12), "{w}×{h}");

@@ -12,11 +12,11 @@
 
 pub mod cosine;
 
-use cosine::Poisson;
+use cosine::PoissonSolver;
 
 /// The result of an integration.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Relief {
+pub struct ReliefSolution {
     /// Heights (mm); mean 0 over each piece of the leaf, 0 off it.
     pub height: Vec<f64>,
     /// Root mean square of the slope that no height explains: noise, and steps finer than a texel.
@@ -31,7 +31,7 @@ pub struct Relief {
 const MOST: usize = 400;
 
 /// Heights from unit normals (z > 0 on the leaf) inside a mask of `width · height` texels of `texel_mm`.
-pub fn integrate(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize, texel_mm: f64) -> Relief {
+pub fn integrate(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize, texel_mm: f64) -> ReliefSolution {
     let n = width * height;
     let edges = Edges { mask, width, height };
     let slope: Vec<[f64; 2]> =
@@ -47,7 +47,7 @@ pub fn integrate(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize
         r[b] += rise;
         count += 1;
     });
-    let poisson = Poisson::new(width, height);
+    let poisson = PoissonSolver::new(width, height);
     let precondition = |r: &[f64]| -> Vec<f64> {
         let mut s = poisson.solve(r);
         s.iter_mut().zip(mask).filter(|(_, on)| !**on).for_each(|(s, _)| *s = 0.0);
@@ -78,7 +78,7 @@ pub fn integrate(normal: &[[f64; 3]], mask: &[bool], width: usize, height: usize
     let mut rest = 0.0;
     edges.each(|a, b| rest += (z[b] - z[a] - if b == a + 1 { right(a) } else { down(a) }).powi(2));
     let pieces = edges.centre(&mut z);
-    Relief { height: z, residual: (rest / count.max(1) as f64).sqrt() / texel_mm, pieces, steps }
+    ReliefSolution { height: z, residual: (rest / count.max(1) as f64).sqrt() / texel_mm, pieces, steps }
 }
 
 /// Heights (mm) from unit normals: the heights of [`integrate`] without its other results.

@@ -20,7 +20,7 @@ mod totals;
 
 use super::fourier::Spectrum;
 use mesophyll_base::fourier::Complex;
-pub use stage::Stage;
+pub use stage::TangentStage;
 
 /// The parameters: ln σa, ln σs′, and ln of the factor on the thickness.
 pub const PARTIALS: usize = 3;
@@ -28,7 +28,7 @@ pub const PARTIALS: usize = 3;
 /// The light of one image that enters (per area), with the thickness map of the stage that it enters and the incidence
 /// of the stage that it has.
 #[derive(Debug, Clone, Copy)]
-pub struct Source<'a> {
+pub struct SourceImage<'a> {
     /// Which thickness map of the stage the light enters.
     pub map: usize,
     /// Which incidence of the stage it has.
@@ -39,8 +39,8 @@ pub struct Source<'a> {
 
 /// The transport of one tissue on a [`Stage`].
 #[derive(Debug)]
-pub struct Tangent<'a> {
-    stage: &'a Stage,
+pub struct TransportTangent<'a> {
+    stage: &'a TangentStage,
     spectra: Vec<Spectrum>,
     /// For each level: the derivatives of its kernel.
     partials: Vec<[Spectrum; PARTIALS]>,
@@ -49,8 +49,8 @@ pub struct Tangent<'a> {
     parts: Vec<Vec<[f64; 2 * (PARTIALS + 1)]>>,
 }
 
-impl Tangent<'_> {
-    fn parts_of(&self, source: &Source) -> usize {
+impl TransportTangent<'_> {
+    fn parts_of(&self, source: &SourceImage) -> usize {
         source.map * self.stage.incidences.len() + source.incidence
     }
 
@@ -58,7 +58,7 @@ impl Tangent<'_> {
     ///
     /// # Panics
     /// Where a map has another size than the stage.
-    pub fn run(&self, sources: &[Source]) -> Vec<Vec<f64>> {
+    pub fn run(&self, sources: &[SourceImage]) -> Vec<Vec<f64>> {
         let kernels: Vec<&Spectrum> = self.spectra.iter().collect();
         self.sum(sources, &kernels, |w, parts, light, rows| {
             rows.iter_mut().zip(w).for_each(|(row, w)| *row = w * parts[0] * light);
@@ -70,7 +70,7 @@ impl Tangent<'_> {
     ///
     /// # Panics
     /// Where a map has another size than the stage.
-    pub fn derivative(&self, p: usize, sources: &[Source]) -> Vec<Vec<f64>> {
+    pub fn derivative(&self, p: usize, sources: &[SourceImage]) -> Vec<Vec<f64>> {
         let kernels: Vec<&Spectrum> = self.partials.iter().map(|s| &s[p]).chain(&self.spectra).collect();
         let n = self.spectra.len();
         self.sum(sources, &kernels, |w, parts, light, rows| {
@@ -86,7 +86,7 @@ impl Tangent<'_> {
     ///
     /// # Panics
     /// Where a map has another size than the stage.
-    pub fn gradient(&self, sources: &[Source], views: &[Vec<f64>]) -> [f64; PARTIALS] {
+    pub fn gradient(&self, sources: &[SourceImage], views: &[Vec<f64>]) -> [f64; PARTIALS] {
         let stage = self.stage;
         let (n, width) = (self.spectra.len(), stage.grid.width);
         let kernels: Vec<&Spectrum> = self.spectra.iter().collect();
@@ -134,7 +134,7 @@ impl Tangent<'_> {
     ///
     /// # Panics
     /// Where a map has another size than the stage.
-    pub fn by_thickness(&self, sources: &[Source], views: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    pub fn by_thickness(&self, sources: &[SourceImage], views: &[Vec<f64>]) -> Vec<Vec<f64>> {
         const LAST: usize = PARTIALS - 1;
         let stage = self.stage;
         let kernels: Vec<&Spectrum> = self.spectra.iter().collect();
@@ -160,7 +160,7 @@ impl Tangent<'_> {
     fn worth(
         &self,
         kernels: &[&Spectrum],
-        pair: &[Source],
+        pair: &[SourceImage],
         view: &(impl Fn(usize, &mut [Complex<f64>]) + Sync),
     ) -> Vec<Complex<f64>> {
         let stage = self.stage;
@@ -182,7 +182,7 @@ impl Tangent<'_> {
     /// values of the rows and returns what stays.
     fn sum(
         &self,
-        sources: &[Source],
+        sources: &[SourceImage],
         kernels: &[&Spectrum],
         texel: impl Fn(&[f64], &[f64; 2 * (PARTIALS + 1)], f64, &mut [f64]) -> f64 + Sync,
     ) -> Vec<Vec<f64>> {
@@ -193,7 +193,7 @@ impl Tangent<'_> {
             sources.iter().all(|s| s.light.len() == texels),
             "sources have to hold {texels} texels, as the stage was made for"
         );
-        let one = |source: &Source, at: usize, rows: &mut [f64]| {
+        let one = |source: &SourceImage, at: usize, rows: &mut [f64]| {
             texel(
                 &stage.weights[source.map][at * n..][..n],
                 &self.parts[self.parts_of(source)][at],

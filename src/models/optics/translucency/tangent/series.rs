@@ -6,15 +6,15 @@ use std::f64::consts::PI;
 
 /// Several functions of a positive number as Chebyshev series over its logarithm.
 #[derive(Debug, Clone)]
-pub struct Series<const N: usize> {
+pub struct ChebyshevSeries<const N: usize> {
     middle: f64,
     half: f64,
     pub coefficients: Vec<[f64; N]>,
 }
 
-impl<const N: usize> Series<N> {
+impl<const N: usize> ChebyshevSeries<N> {
     /// A series of `count` terms over [low, high]; a single term where both ends are the same.
-    pub fn fit(f: impl Fn(f64) -> [f64; N] + Sync, low: f64, high: f64, count: usize) -> Series<N> {
+    pub fn fit(f: impl Fn(f64) -> [f64; N] + Sync, low: f64, high: f64, count: usize) -> ChebyshevSeries<N> {
         let (middle, half) = (0.5 * (high.ln() + low.ln()), 0.5 * (high.ln() - low.ln()));
         let count = if half > 1e-12 { count } else { 1 };
         let angle = |k: usize| PI * (k as f64 + 0.5) / count as f64;
@@ -28,7 +28,7 @@ impl<const N: usize> Series<N> {
             }
             sum
         });
-        Series { middle, half, coefficients: coefficients.collect() }
+        ChebyshevSeries { middle, half, coefficients: coefficients.collect() }
     }
 
     pub fn at(&self, x: f64) -> [f64; N] {

@@ -1,20 +1,20 @@
 //! What does not change with the tissue: levels, weights and transforms; and the transport of a tissue on it.
 
-use super::series::Series;
-use super::totals::{Slant, logarithms};
-use super::{PARTIALS, Tangent};
-use crate::dipole::{Form, Tissue, scalar::Dual};
-use crate::translucency::convolve::Totals;
+use super::series::ChebyshevSeries;
+use super::totals::{SlantTotals, logarithms};
+use super::{PARTIALS, TransportTangent};
+use crate::dipole::{DipoleForm, Tissue, scalar::TissueDual};
+use crate::translucency::convolution::TotalsSource;
 use crate::translucency::fourier::Grid;
 use crate::translucency::kernel::Kernel;
-use crate::translucency::levels::{Levels, Nodes};
+use crate::translucency::levels::{Nodes, ThicknessLevels};
 use mesophyll_base::error::{Error, Result};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Maps and levels of a leaf, in which the tissue may change.
 #[derive(Debug)]
-pub struct Stage {
+pub struct TangentStage {
     pub(super) grid: Grid,
     pub(super) texel_mm: f64,
     pub(super) reach: usize,
@@ -29,7 +29,7 @@ pub struct Stage {
     pub(super) incidences: Vec<f64>,
 }
 
-impl Stage {
+impl TangentStage {
     /// For maps of `width` × n texels of `texel_mm`. `thickness` (mm) is given for each lit side in its own columns; it
     /// is 0 or NaN where there is no tissue. Kernels end at `reach_mm` (at least one texel, at most the map), where the
     /// outermost texels take the remaining light. `incidences` are cosines (0 to 1) of the lights to the blade's
@@ -43,9 +43,9 @@ impl Stage {
         texel_mm: f64,
         thickness: Vec<Vec<f64>>,
         incidences: &[f64],
-        levels: Levels,
+        levels: ThicknessLevels,
         reach_mm: f64,
-    ) -> Result<Stage> {
+    ) -> Result<TangentStage> {
         if incidences.is_empty() || !incidences.iter().all(|mu| *mu > 0.0 && *mu <= 1.0) {
             return Err(Error::Usage(format!(
                 "cosines of incidence {incidences:?}; expected some above 0 and at most 1"
@@ -93,7 +93,7 @@ impl Stage {
                 .for_each(|(w, d)| nodes.weights(*d, w));
             weights
         });
-        Ok(Stage {
+        Ok(TangentStage {
             weights: weights.collect(),
             grid: Grid::new(width, height, reach),
             texel_mm,
@@ -115,7 +115,7 @@ impl Stage {
     ///
     /// # Errors
     /// A tissue or factor out of range, or so opaque that no light is left to compute with.
-    pub fn at(&self, tissue: &Tissue, totals: Totals, factor: f64) -> Result<Tangent<'_>> {
+    pub fn at(&self, tissue: &Tissue, totals: TotalsSource, factor: f64) -> Result<TransportTangent<'_>> {
         if let Some(fault) = tissue.fault() {
             return Err(Error::Usage(fault));
         }
@@ -137,8 +137,8 @@ impl Stage {
         }
         let mut curves = Vec::new();
         for mu in &self.incidences {
-            let slant = (totals == Totals::Transport && *mu != 1.0).then(|| Slant::new(tissue, *mu));
-            let curve = Series::fit(
+            let slant = (totals == TotalsSource::Transport && *mu != 1.0).then(|| SlantTotals::new(tissue, *mu));
+            let curve = ChebyshevSeries::fit(
                 |d| logarithms(tissue, totals, slant.as_ref(), factor * d),
                 self.range[0],
                 self.range[1],
@@ -149,7 +149,7 @@ impl Stage {
             }
             curves.push(curve);
         }
-        let texel = |curve: &Series<{ 2 * (PARTIALS + 1) }>, d: f64| {
+        let texel = |curve: &ChebyshevSeries<{ 2 * (PARTIALS + 1) }>, d: f64| {
             let mut parts = [0.0; 2 * (PARTIALS + 1)];
             if d > 0.0 {
                 let log = curve.at(d);
@@ -162,16 +162,16 @@ impl Stage {
         };
         let each = self.thickness.iter().flat_map(|map| curves.iter().map(move |curve| (map, curve)));
         let parts = each.map(|(map, curve)| map.par_iter().map(|d| texel(curve, *d)).collect()).collect();
-        Ok(Tangent { stage: self, spectra, partials, parts })
+        Ok(TransportTangent { stage: self, spectra, partials, parts })
     }
 
     /// The shape (sum 1) for one thickness, and its derivatives.
     fn kernel(&self, tissue: &Tissue, d: f64) -> Option<[Kernel; PARTIALS + 1]> {
-        let whole = tissue.beyond_with_partials(0.0, d, Form::Thin);
+        let whole = tissue.beyond_with_partials(0.0, d, DipoleForm::Thin);
         if !(whole.value > 0.0) {
             return None;
         }
-        let by = |v: &Dual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
+        let by = |v: &TissueDual<f64>| [tissue.sigma_a * v.by[0], tissue.sigma_s * v.by[1], v.by[3]];
         let whole_by = by(&whole);
         let (low, high) = (0.499 * self.texel_mm, std::f64::consts::SQRT_2 * (self.reach as f64 + 1.0) * self.texel_mm);
         // ln of the share. Its nearest singularity is at r = ± i d, a quarter turn off the axis of ln r.
@@ -179,7 +179,7 @@ impl Stage {
         let height = 0.5 * PI / half;
         let count = (20.0 / (height + height.hypot(1.0)).ln()).ceil().clamp(12.0, 200.0) as usize;
         let share = |r: f64| {
-            let g = tissue.beyond_with_partials(r, d, Form::Thin);
+            let g = tissue.beyond_with_partials(r, d, DipoleForm::Thin);
             // A value that has underflowed stays constant.
             if !(g.value > 1e-290 * whole.value) {
                 return [-667.0, 0.0, 0.0, 0.0];
@@ -188,7 +188,7 @@ impl Stage {
             let change = |k: usize| g_by[k] / g.value - whole_by[k] / whole.value;
             [(g.value / whole.value).ln(), change(0), change(1), change(2)]
         };
-        let curve = Series::fit(share, low, high, count);
+        let curve = ChebyshevSeries::fit(share, low, high, count);
         if !curve.coefficients.iter().flatten().all(|v| v.is_finite()) {
             return None;
         }

@@ -1,12 +1,12 @@
 //! Compares the derivatives with central differences, the gradient with the derivatives, and the images with the
 //! convolver that renders.
 
-use super::super::convolve::{Convolver, Settings};
+use super::super::convolution::{ConvolutionSettings, Convolver};
 use super::*;
 use crate::dipole::Tissue;
 use crate::slab;
-use crate::translucency::convolve::Totals;
-use crate::translucency::levels::Levels;
+use crate::translucency::convolution::TotalsSource;
+use crate::translucency::levels::ThicknessLevels;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -19,7 +19,7 @@ const WIDTH: usize = 13;
 const TEXELS: usize = WIDTH * 9;
 const TEXEL_MM: f64 = 0.07;
 const RANGE: [f64; 2] = [0.1, 0.3];
-const LEVELS: Levels = Levels { count: 3, kind: super::super::levels::LevelKind::Chebyshev };
+const LEVELS: ThicknessLevels = ThicknessLevels { count: 3, kind: super::super::levels::LevelKind::Chebyshev };
 
 /// Two thickness maps, the second with a hole.
 fn maps() -> Vec<Vec<f64>> {
@@ -29,8 +29,8 @@ fn maps() -> Vec<Vec<f64>> {
     maps
 }
 
-fn stage(reach_mm: f64) -> Stage {
-    Stage::new(WIDTH, TEXEL_MM, maps(), &[1.0, 0.6], LEVELS, reach_mm).unwrap()
+fn stage(reach_mm: f64) -> TangentStage {
+    TangentStage::new(WIDTH, TEXEL_MM, maps(), &[1.0, 0.6], LEVELS, reach_mm).unwrap()
 }
 
 fn tissue(p: &[f64]) -> Tissue {
@@ -42,20 +42,21 @@ fn lights() -> Vec<Vec<f64>> {
 }
 
 /// The sources of these lights; the last one has the incidence `last`.
-fn sources(lights: &[Vec<f64>], last: usize) -> Vec<Source<'_>> {
+fn sources(lights: &[Vec<f64>], last: usize) -> Vec<SourceImage<'_>> {
     lights
         .iter()
         .zip([(0, 0), (1, 0), (1, last)])
-        .map(|(light, (map, incidence))| Source { map, incidence, light })
+        .map(|(light, (map, incidence))| SourceImage { map, incidence, light })
         .collect()
 }
 
 #[test]
 fn images_are_the_convolvers() {
     let (tissue, lights, maps) = (tissue(&[0.4f64.ln(), 8f64.ln(), 0.0]), lights(), maps());
-    for totals in [Totals::Form, Totals::Transport] {
+    for totals in [TotalsSource::Form, TotalsSource::Transport] {
         for tail in [1e-9, 0.02] {
-            let settings = Settings { levels: LEVELS, totals, tail, ..Settings::new(tissue, TEXEL_MM) };
+            let settings =
+                ConvolutionSettings { levels: LEVELS, totals, tail, ..ConvolutionSettings::new(tissue, TEXEL_MM) };
             let convolver = Convolver::with(&settings, WIDTH, 9, RANGE[0], RANGE[1]).unwrap();
             let stage = stage((convolver.reach() as f64 - 0.5) * TEXEL_MM + if tail < 1e-3 { 9.0 } else { 0.0 });
             let got = stage.at(&tissue, totals, 1.0).unwrap().run(&sources(&lights, 0));
@@ -72,7 +73,7 @@ fn images_are_the_convolvers() {
 #[test]
 fn derivatives_agree_with_differences_and_the_gradient_with_them() {
     let (lights, views) = (lights(), (0..3).map(|k| noise(20 + k, TEXELS, -1.0, 1.0)).collect::<Vec<_>>());
-    for (reach, totals) in [(9.0, Totals::Form), (0.3, Totals::Transport)] {
+    for (reach, totals) in [(9.0, TotalsSource::Form), (0.3, TotalsSource::Transport)] {
         let stage = stage(reach);
         for centre in [[0.4f64.ln(), 8f64.ln(), 0.1], [3f64.ln(), 2f64.ln(), -0.2]] {
             let at = |p: &[f64]| stage.at(&tissue(p), totals, p[2].exp()).unwrap();
@@ -113,9 +114,9 @@ fn derivatives_agree_with_differences_and_the_gradient_with_them() {
 fn a_texels_thickness_moves_the_images_as_it_is_said_to() {
     let (lights, views) = (lights(), (0..3).map(|k| noise(20 + k, TEXELS, -1.0, 1.0)).collect::<Vec<_>>());
     let at = |maps: Vec<Vec<f64>>| {
-        let levels = Levels { count: 9, ..LEVELS };
-        let stage = Stage::new(WIDTH, TEXEL_MM, maps, &[1.0, 0.6], levels, 9.0).unwrap();
-        let tangent = stage.at(&tissue(&[0.4f64.ln(), 8f64.ln()]), Totals::Transport, 1.0).unwrap();
+        let levels = ThicknessLevels { count: 9, ..LEVELS };
+        let stage = TangentStage::new(WIDTH, TEXEL_MM, maps, &[1.0, 0.6], levels, 9.0).unwrap();
+        let tangent = stage.at(&tissue(&[0.4f64.ln(), 8f64.ln()]), TotalsSource::Transport, 1.0).unwrap();
         let sum = |images: Vec<Vec<f64>>| {
             images.iter().zip(&views).flat_map(|(i, v)| i.iter().zip(v).map(|(a, b)| a * b)).sum::<f64>()
         };
@@ -138,24 +139,24 @@ fn a_texels_thickness_moves_the_images_as_it_is_said_to() {
 #[test]
 fn a_slanting_beam_brings_its_own_total() {
     let (n, d) = (15, 0.2);
-    let stage = Stage::new(n, 2.0, vec![vec![d; n * n]], &[1.0, 0.5], LEVELS, 9.0).unwrap();
+    let stage = TangentStage::new(n, 2.0, vec![vec![d; n * n]], &[1.0, 0.5], LEVELS, 9.0).unwrap();
     let tissue = Tissue { sigma_a: 0.4, sigma_s: 9.5, g: 0.0, a: 1.0 };
     let light = vec![1.0; n * n];
-    let sources = [0, 1].map(|incidence| Source { map: 0, incidence, light: &light });
-    let out = stage.at(&tissue, Totals::Transport, 1.0).unwrap().run(&sources);
+    let sources = [0, 1].map(|incidence| SourceImage { map: 0, incidence, light: &light });
+    let out = stage.at(&tissue, TotalsSource::Transport, 1.0).unwrap().run(&sources);
     for (out, mu) in out.iter().zip([1.0, 0.5]) {
-        let want = slab::exact::response_at(mu, 0.4, 9.5, d).rho_t;
+        let want = slab::medium::response_at(mu, 0.4, 9.5, d).rho_t;
         assert!((out[n * n / 2] / want - 1.0).abs() < 1e-6, "{} {want}", out[n * n / 2]);
     }
 }
 
 #[test]
 fn what_cannot_be_is_refused() {
-    assert!(Stage::new(4, 0.1, vec![vec![0.0; 16]], &[1.0], LEVELS, 1.0).is_err());
-    assert!(Stage::new(4, 0.1, vec![vec![0.1; 16], vec![0.1; 12]], &[1.0], LEVELS, 1.0).is_err());
-    assert!(Stage::new(4, 0.1, vec![vec![0.1; 16]], &[0.0], LEVELS, 1.0).is_err());
+    assert!(TangentStage::new(4, 0.1, vec![vec![0.0; 16]], &[1.0], LEVELS, 1.0).is_err());
+    assert!(TangentStage::new(4, 0.1, vec![vec![0.1; 16], vec![0.1; 12]], &[1.0], LEVELS, 1.0).is_err());
+    assert!(TangentStage::new(4, 0.1, vec![vec![0.1; 16]], &[0.0], LEVELS, 1.0).is_err());
     let stage = stage(1.0);
     for p in [[f64::NAN, 1.0, 0.0], [9f64, 9.0, 2.0], [f64::NEG_INFINITY, 1.0, 0.0]] {
-        assert!(stage.at(&tissue(&p), Totals::Form, p[2].exp()).is_err(), "{p:?}");
+        assert!(stage.at(&tissue(&p), TotalsSource::Form, p[2].exp()).is_err(), "{p:?}");
     }
 }

@@ -2,14 +2,19 @@
 //! parameters are in logarithms.
 
 use super::PARTIALS;
-use crate::dipole::{Form, Tissue};
-use crate::slab::{self, exact::Medium};
-use crate::translucency::convolve::Totals;
+use crate::dipole::{DipoleForm, Tissue};
+use crate::slab::{self, medium::SlabMedium};
+use crate::translucency::convolution::TotalsSource;
 
 /// ln of the scattered total and of the unscattered share at thickness d, then their derivatives, parameter by
 /// parameter. `slant` describes the beam, unless it is along the normal.
-pub fn logarithms(tissue: &Tissue, totals: Totals, slant: Option<&Slant>, d: f64) -> [f64; 2 * (PARTIALS + 1)] {
-    let scattered = tissue.beyond_with_partials(0.0, d, Form::Thin);
+pub fn logarithms(
+    tissue: &Tissue,
+    totals: TotalsSource,
+    slant: Option<&SlantTotals>,
+    d: f64,
+) -> [f64; 2 * (PARTIALS + 1)] {
+    let scattered = tissue.beyond_with_partials(0.0, d, DipoleForm::Thin);
     let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
     let mut log = [0.0; 2 * (PARTIALS + 1)];
     log[0] = scattered.value.ln();
@@ -20,7 +25,7 @@ pub fn logarithms(tissue: &Tissue, totals: Totals, slant: Option<&Slant>, d: f64
         log[2 * (p + 1)] = by / scattered.value;
     }
     (log[3], log[5], log[7]) = (-a * d, -s * d, -(a + s) * d);
-    if totals == Totals::Transport {
+    if totals == TotalsSource::Transport {
         // Both are rescaled, so that their sum is that of the transport equation.
         let share = scattered.value / (scattered.value + log[1].exp());
         let wanted = slant.map_or_else(|| along_normal(a, s, d), |beam| beam.at(d));
@@ -44,32 +49,33 @@ fn along_normal(a: f64, s: f64, d: f64) -> [f64; PARTIALS + 1] {
 
 /// The same for a beam at cosine `mu` (relative to the flux through the horizontal), for many thicknesses of one
 /// tissue. Derivatives are differences of the exact solution, with an error of order h⁴.
-pub struct Slant {
+pub struct SlantTotals {
     mu: f64,
     /// Extinction and medium: of the tissue itself (`middle`), and with ln σa, then ln σs′, moved by h, −h, 2h and −2h
     /// (`beside`).
-    middle: (f64, Medium),
-    beside: [[(f64, Medium); 4]; 2],
+    middle: (f64, SlabMedium),
+    beside: [[(f64, SlabMedium); 4]; 2],
 }
 
-impl Slant {
+impl SlantTotals {
     const H: f64 = 2e-3;
 
-    pub fn new(tissue: &Tissue, mu: f64) -> Slant {
+    pub fn new(tissue: &Tissue, mu: f64) -> SlantTotals {
         let (a, s) = (tissue.sigma_a, tissue.reduced_scattering());
         let medium = |by_a: f64, by_s: f64| {
             let (a, s) = (a * by_a.exp(), s * by_s.exp());
-            (a + s, Medium::new(s / (a + s), a / (a + s)))
+            (a + s, SlabMedium::new(s / (a + s), a / (a + s)))
         };
-        let h = Slant::H;
+        let h = SlantTotals::H;
         let at = [h, -h, 2.0 * h, -2.0 * h];
-        Slant { mu, middle: medium(0.0, 0.0), beside: [at.map(|x| medium(x, 0.0)), at.map(|x| medium(0.0, x))] }
+        SlantTotals { mu, middle: medium(0.0, 0.0), beside: [at.map(|x| medium(x, 0.0)), at.map(|x| medium(0.0, x))] }
     }
 
     fn at(&self, d: f64) -> [f64; PARTIALS + 1] {
-        let ln = |(extinction, medium): &(f64, Medium)| medium.solve_log(self.mu, extinction * d).1;
-        let slope =
-            |at: &[(f64, Medium); 4]| (8.0 * (ln(&at[0]) - ln(&at[1])) - (ln(&at[2]) - ln(&at[3]))) / (12.0 * Slant::H);
+        let ln = |(extinction, medium): &(f64, SlabMedium)| medium.solve_log(self.mu, extinction * d).1;
+        let slope = |at: &[(f64, SlabMedium); 4]| {
+            (8.0 * (ln(&at[0]) - ln(&at[1])) - (ln(&at[2]) - ln(&at[3]))) / (12.0 * SlantTotals::H)
+        };
         let [by_a, by_s] = [0, 1].map(|k: usize| slope(&self.beside[k]));
         // Only products with d matter.
         [ln(&self.middle), by_a, by_s, by_a + by_s]

@@ -63,29 +63,29 @@ const MAGIC: f64 = 6755399441055744.0;
 
 /// Arrays, for processors with neither instruction set.
 #[derive(Clone, Copy)]
-pub struct Plain([f64; 4]);
+pub struct ArrayLanes([f64; 4]);
 
-impl Plain {
+impl ArrayLanes {
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        Plain(self.0.map(f))
+        ArrayLanes(self.0.map(f))
     }
     #[inline(always)]
     fn zip(self, o: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        Plain(std::array::from_fn(|k| f(self.0[k], o.0[k])))
+        ArrayLanes(std::array::from_fn(|k| f(self.0[k], o.0[k])))
     }
 }
 
-impl Lanes for Plain {
+impl Lanes for ArrayLanes {
     const N: usize = 4;
     type Mask = [bool; 4];
     #[inline(always)]
     fn splat(x: f64) -> Self {
-        Plain([x; 4])
+        ArrayLanes([x; 4])
     }
     #[inline(always)]
     fn load(from: &[f64]) -> Self {
-        Plain([from[0], from[1], from[2], from[3]])
+        ArrayLanes([from[0], from[1], from[2], from[3]])
     }
     #[inline(always)]
     fn store(self, to: &mut [f64]) {
@@ -109,7 +109,7 @@ impl Lanes for Plain {
     }
     #[inline(always)]
     fn fma(self, b: Self, c: Self) -> Self {
-        Plain(std::array::from_fn(|k| self.0[k] * b.0[k] + c.0[k]))
+        ArrayLanes(std::array::from_fn(|k| self.0[k] * b.0[k] + c.0[k]))
     }
     #[inline(always)]
     fn min(self, o: Self) -> Self {
@@ -129,7 +129,7 @@ impl Lanes for Plain {
     }
     #[inline(always)]
     fn or(self, mask: [bool; 4], o: Self) -> Self {
-        Plain(std::array::from_fn(|k| if mask[k] { self.0[k] } else { o.0[k] }))
+        ArrayLanes(std::array::from_fn(|k| if mask[k] { self.0[k] } else { o.0[k] }))
     }
     #[inline(always)]
     fn both(a: [bool; 4], b: [bool; 4]) -> [bool; 4] {
@@ -183,7 +183,7 @@ pub fn padded(n: usize) -> usize {
 }
 
 /// Work that is done with vectors of any kind.
-pub trait Job {
+pub trait LaneJob {
     /// What it gives.
     type Output;
     /// Does it; `#[inline(always)]`, so that it is compiled for the vectors' instruction set.
@@ -192,15 +192,15 @@ pub trait Job {
 
 /// Does `job` with the vectors of `set`, or of the largest set that the processor has.
 #[inline]
-pub fn dispatch<J: Job>(set: InstructionSet, job: J) -> J::Output {
+pub fn dispatch<J: LaneJob>(set: InstructionSet, job: J) -> J::Output {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2,fma")]
-        fn avx2<J: Job>(job: J) -> J::Output {
+        fn avx2<J: LaneJob>(job: J) -> J::Output {
             job.run::<x86::Avx2>()
         }
         #[target_feature(enable = "avx512f")]
-        fn avx512<J: Job>(job: J) -> J::Output {
+        fn avx512<J: LaneJob>(job: J) -> J::Output {
             job.run::<x86::Avx512>()
         }
         match set.or_less() {
@@ -212,7 +212,7 @@ pub fn dispatch<J: Job>(set: InstructionSet, job: J) -> J::Output {
         }
     }
     let _ = set;
-    job.run::<Plain>()
+    job.run::<ArrayLanes>()
 }
 
 /// Compiles a generic `#[inline(always)]` function for each instruction set and calls the one of `set` by [`dispatch`]:
@@ -224,7 +224,7 @@ macro_rules! dispatch_lanes {
     };
     ($set:expr, $function:ident($($arg:ident : $type:ty),* $(,)?) -> $ret:ty) => {{
         struct Call<T>(T);
-        impl $crate::tube::lanes::Job for Call<($($type,)*)> {
+        impl $crate::tube::lanes::LaneJob for Call<($($type,)*)> {
             type Output = $ret;
             #[inline(always)]
             fn run<L: $crate::tube::lanes::Lanes>(self) -> $ret {

@@ -23,9 +23,9 @@
 //! Limits: no shear (the branch at least 15 times as long as thick), no stretching, wood that stays elastic, and a
 //! root that holds.
 
-use crate::mechanics::length::Bent;
+use crate::mechanics::length::AxisPoint;
 use crate::mechanics::load::Load;
-use crate::mechanics::taper::{Shape, TERMS, coordinate};
+use crate::mechanics::taper::{TERMS, TaperShape, coordinate};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::LazyLock;
 
@@ -93,7 +93,7 @@ fn growth(z: f64) -> f64 {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Elastica {
     load: Load,
-    shape: Shape<f64>,
+    shape: TaperShape<f64>,
     /// F/(E′r₁⁴) over the length; its sign is the side to which the branch bends.
     amplitude: f64,
     /// Ends of the elements in y, from 0 to 1.
@@ -121,7 +121,7 @@ impl Elastica {
         if !(fits && placed) {
             return None;
         }
-        let shape = Shape::new(alpha, [0.0; TERMS]);
+        let shape = TaperShape::new(alpha, [0.0; TERMS]);
         let count = ELEMENTS[usize::from(amplitude.abs() > SHARP)];
         let split = |n: usize, from: f64, to: f64| (1..=n).map(move |k| from + (to - from) * k as f64 / n as f64);
         let mut ends = vec![0.0];
@@ -153,7 +153,7 @@ impl Elastica {
         {
             return Self::solve(self.load, alpha, amplitude);
         }
-        let shape = Shape::new(alpha, [0.0; TERMS]);
+        let shape = TaperShape::new(alpha, [0.0; TERMS]);
         let beam = Elastica { shape, amplitude, ..self.clone() };
         let system = beam.system();
         beam.descend(&system)
@@ -270,7 +270,7 @@ impl Elastica {
     }
 
     /// The point at y, 0 to 1.
-    fn at_coordinate(&self, y: f64) -> Bent<f64> {
+    fn at_coordinate(&self, y: f64) -> AxisPoint<f64> {
         let k = self.ends[1..self.elements()].iter().filter(|end| **end < y).count();
         let size = self.ends[k + 1] - self.ends[k];
         let x = ((y - self.ends[k]) / size).clamp(0.0, 1.0);
@@ -278,21 +278,21 @@ impl Elastica {
         let [along, across] = self.place(k, x);
         let side = 1f64.copysign(self.amplitude);
         let curvature = side * slope / (size * self.shape.ell * (y * self.shape.ln_alpha).exp());
-        Bent { along, across: side * across, cos: theta.cos(), sin: side * theta.sin(), curvature }
+        AxisPoint { along, across: side * across, cos: theta.cos(), sin: side * theta.sin(), curvature }
     }
 
     /// The point that is `t` along the branch, 0 (root) to 1 (tip).
-    pub fn at(&self, t: f64) -> Bent<f64> {
+    pub fn at(&self, t: f64) -> AxisPoint<f64> {
         self.at_coordinate(coordinate(&self.shape, t.clamp(0.0, 1.0)).clamp(0.0, 1.0))
     }
 
     /// The point below the place `x` of the straight axis. Beyond the tip, which a bent branch does not bring as far
     /// as its length, it is on the tip's tangent, or on a line less steep where the tip hangs.
-    pub fn below(&self, x: f64) -> Bent<f64> {
+    pub fn below(&self, x: f64) -> AxisPoint<f64> {
         let tip = self.at_coordinate(1.0);
         if x >= tip.along {
             let across = tip.across + (x - tip.along) * (tip.sin / tip.cos.max(f64::EPSILON)).clamp(-STEEP, STEEP);
-            return Bent { along: x, across, ..tip };
+            return AxisPoint { along: x, across, ..tip };
         }
         let (mut low, mut high) = (0.0, 1.0);
         let mut y = coordinate(&self.shape, x.max(0.0));

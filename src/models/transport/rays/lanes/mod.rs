@@ -4,7 +4,7 @@
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use crate::rays::walk::Waiting;
+use crate::rays::traversal::Waiting;
 
 /// Number of lanes of a vector.
 pub(crate) const WIDTH: usize = 8;

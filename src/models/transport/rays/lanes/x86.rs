@@ -4,7 +4,7 @@
 // the processor was asked for it.
 #![allow(clippy::undocumented_unsafe_blocks)]
 use super::{Lanes, WIDTH};
-use crate::rays::walk::Waiting;
+use crate::rays::traversal::Waiting;
 use std::arch::x86_64::*;
 
 /// Eight lanes of AVX2.

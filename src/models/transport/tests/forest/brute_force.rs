@@ -4,7 +4,7 @@ use crate::common::{
     EVERY, by_solving, numbered, one_by_one, placement, point, seeded, soup, variants, with_every_set,
 };
 use glam::{DMat4, DVec3};
-use mesophyll_transport::rays::{Forest, Ray, Shape};
+use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
 use proptest::prelude::*;
 use rand::RngExt;
 
@@ -17,15 +17,18 @@ fn thirds(positions: &[DVec3]) -> Vec<[DVec3; 3]> {
 fn instances_are_met_where_brute_force_meets_them() {
     let mut rng = seeded(3);
     let meshes: Vec<_> = (0..2).map(|_| soup(&mut rng, 40, 1.0, 0.6)).collect();
-    let shapes =
-        meshes.iter().zip([false, true]).map(|(m, solid)| Shape::with_solid(m, &numbered(m), |_| solid)).collect();
+    let shapes = meshes
+        .iter()
+        .zip([false, true])
+        .map(|(m, solid)| TriangleTree::with_solid(m, &numbered(m), |_| solid))
+        .collect();
     let (mut placed, mut world) = (Vec::new(), Vec::new());
     for k in 0..25 {
         let transform = placement(&mut rng, 4.0);
         placed.push((k % 2, transform));
         world.extend(thirds(&meshes[k % 2]).iter().map(|t| t.map(|p| transform.transform_point3(p))));
     }
-    let forests = with_every_set(&Forest::new(shapes, &placed));
+    let forests = with_every_set(&InstanceForest::new(shapes, &placed));
     let mut hits = 0;
     for _ in 0..1500 {
         let origin = point(&mut rng, 8.0);
@@ -91,8 +94,8 @@ fn a_limit_beside_a_hit_is_kept_to() {
     for size in [1.0, 1e-2, 1e-3] {
         let mesh = soup(&mut rng, 120, 1.0, size);
         let triangles = thirds(&mesh);
-        let forests = with_every_set(&Forest::new(
-            vec![Shape::with_solid(&mesh, &numbered(&mesh), |_| true)],
+        let forests = with_every_set(&InstanceForest::new(
+            vec![TriangleTree::with_solid(&mesh, &numbered(&mesh), |_| true)],
             &[(0, DMat4::IDENTITY)],
         ));
         for k in 0..1200 {
@@ -117,8 +120,8 @@ fn solid_triangles_are_not_asked_for() {
     let mesh = soup(&mut rng, 200, 1.0, 0.5);
     let triangles = thirds(&mesh);
     let even: Vec<_> = triangles.iter().step_by(2).copied().collect();
-    let forests = with_every_set(&Forest::new(
-        vec![Shape::with_solid(&mesh, &numbered(&mesh), |k| k % 2 == 0)],
+    let forests = with_every_set(&InstanceForest::new(
+        vec![TriangleTree::with_solid(&mesh, &numbered(&mesh), |k| k % 2 == 0)],
         &[(0, DMat4::IDENTITY)],
     ));
     let mut hits = 0;
@@ -208,10 +211,11 @@ fn one_instance_and_several_agree() {
     let mut rng = seeded(8);
     let mesh = soup(&mut rng, 400, 1.0, 0.3);
     let turned = placement(&mut rng, 3.0);
-    let shape = Shape::new(&mesh, &numbered(&mesh));
-    let single = Forest::new(vec![shape.clone()], &[(0, turned)]);
+    let shape = TriangleTree::new(&mesh, &numbered(&mesh));
+    let single = InstanceForest::new(vec![shape.clone()], &[(0, turned)]);
     let far = DMat4::from_translation(DVec3::splat(1e4));
-    let several = Forest::new(vec![Shape::new(&[], &[]), shape], &[(1, turned), (0, turned), (1, far * turned)]);
+    let several =
+        InstanceForest::new(vec![TriangleTree::new(&[], &[]), shape], &[(1, turned), (0, turned), (1, far * turned)]);
     for _ in 0..2000 {
         let origin = turned.transform_point3(point(&mut rng, 2.0));
         let ray = Ray::new(origin, turned.transform_point3(point(&mut rng, 1.0)) - origin);

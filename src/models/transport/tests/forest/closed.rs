@@ -3,7 +3,7 @@
 
 use crate::common::{Accept, EVERY, alone, numbered, point, seeded, with_every_set};
 use glam::{DMat4, DQuat, DVec3};
-use mesophyll_transport::rays::{Forest, Ray, Shape};
+use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
 use rand::RngExt;
 
 /// A closed ball made of triangles.
@@ -44,7 +44,9 @@ fn closed_surfaces_are_closed() {
     let mut rng = seeded(11);
     for (radius, centre) in [(1.0, DVec3::ZERO), (1e-3, DVec3::splat(0.7)), (2e4, DVec3::new(1e6, -3e5, 2e4))] {
         let (positions, indices) = ball(40, radius, centre);
-        for forest in with_every_set(&Forest::new(vec![Shape::new(&positions, &indices)], &[(0, DMat4::IDENTITY)])) {
+        for forest in
+            with_every_set(&InstanceForest::new(vec![TriangleTree::new(&positions, &indices)], &[(0, DMat4::IDENTITY)]))
+        {
             for t in indices.chunks_exact(3) {
                 let [a, b, c] = [0, 1, 2].map(|k| positions[t[k] as usize]);
                 let origin = centre + point(&mut rng, 0.5 * radius);
@@ -73,7 +75,7 @@ fn rays_through_shared_edges_and_corners_do_not_leak() {
         }
     }
     let turn = DMat4::from_rotation_z(0.3);
-    let forest = Forest::new(vec![Shape::new(&positions, &indices)], &[(0, turn)]);
+    let forest = InstanceForest::new(vec![TriangleTree::new(&positions, &indices)], &[(0, turn)]);
     for j in 1..2 * n {
         for i in 1..2 * n {
             let target = turn.transform_point3(DVec3::new(f64::from(i) * 0.05, f64::from(j) * 0.15, 0.7));
@@ -106,10 +108,10 @@ fn forty_metres_with_gaps_of_ten_millimetres() {
         let both = [plate(0.0), plate(10.0)].concat();
         let mut doubled = indices.clone();
         doubled.extend(indices.iter().map(|i| i + count));
-        let one = Forest::new(vec![Shape::new(&both, &doubled)], &[(0, turn)]);
+        let one = InstanceForest::new(vec![TriangleTree::new(&both, &doubled)], &[(0, turn)]);
         let lift = DMat4::from_translation(DVec3::Z * 10.0);
-        let two = Forest::new(vec![Shape::new(&plate(0.0), &indices)], &[(0, turn), (0, turn * lift)]);
-        let upper = |hit: mesophyll_transport::rays::Hit, single: bool| {
+        let two = InstanceForest::new(vec![TriangleTree::new(&plate(0.0), &indices)], &[(0, turn), (0, turn * lift)]);
+        let upper = |hit: mesophyll_transport::rays::RayHit, single: bool| {
             if single { hit.triangle >= indices.len() / 3 } else { hit.instance == 1 }
         };
         for (forest, single) in [(one, true), (two, false)] {
@@ -144,10 +146,10 @@ fn forty_metres_with_gaps_of_ten_millimetres() {
 #[test]
 fn empty_scenes_empty_leaves_and_refused_hits() {
     let ray = Ray::new(DVec3::Z, -DVec3::Z);
-    let nothing = Forest::new(Vec::new(), &[]);
+    let nothing = InstanceForest::new(Vec::new(), &[]);
     assert!(nothing.nearest(&ray, EVERY).is_none() && nothing.extent() == 0.0);
     for places in [1, 3] {
-        let hollow = Forest::new(vec![Shape::new(&[], &[])], &vec![(0, DMat4::IDENTITY); places]);
+        let hollow = InstanceForest::new(vec![TriangleTree::new(&[], &[])], &vec![(0, DMat4::IDENTITY); places]);
         assert!(hollow.nearest(&ray, EVERY).is_none() && !hollow.blocked(&ray, EVERY));
     }
     let sheet = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
@@ -179,7 +181,7 @@ fn piles_of_coincident_triangles() {
         }
     }
     let places = vec![(0, DMat4::IDENTITY); 5000];
-    let stacked = Forest::new(vec![Shape::new(&sheet, &numbered(&sheet))], &places);
+    let stacked = InstanceForest::new(vec![TriangleTree::new(&sheet, &numbered(&sheet))], &places);
     let late: Accept = |instance, _, _| instance > 6;
     assert_eq!(stacked.nearest(&ray, late).map(|h| (h.t, h.instance)), Some((1.0, 7)));
 }

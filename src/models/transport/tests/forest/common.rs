@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use mesophyll_base::processor::InstructionSet;
-use mesophyll_transport::rays::{Forest, Hit, Ray, Shape};
+use mesophyll_transport::rays::{InstanceForest, Ray, RayHit, TriangleTree};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -42,23 +42,23 @@ pub fn numbered(positions: &[DVec3]) -> Vec<u32> {
 }
 
 /// One mesh of separate triangles, without a transform.
-pub fn alone(positions: &[DVec3]) -> Forest {
-    Forest::new(vec![Shape::new(positions, &numbered(positions))], &[(0, DMat4::IDENTITY)])
+pub fn alone(positions: &[DVec3]) -> InstanceForest {
+    InstanceForest::new(vec![TriangleTree::new(positions, &numbered(positions))], &[(0, DMat4::IDENTITY)])
 }
 
 /// The forest with every instruction set of this processor.
-pub fn with_every_set(forest: &Forest) -> Vec<Forest> {
+pub fn with_every_set(forest: &InstanceForest) -> Vec<InstanceForest> {
     InstructionSet::available().map(|set| forest.clone().with_instructions(set)).collect()
 }
 
 /// One mesh of separate triangles without a transform, with every instruction set of this processor. No triangle is
 /// solid, then every second one, then all.
-pub fn variants(positions: &[DVec3]) -> Vec<Forest> {
+pub fn variants(positions: &[DVec3]) -> Vec<InstanceForest> {
     let solid: [fn(usize) -> bool; 3] = [|_| false, |k| k % 2 == 0, |_| true];
-    let shape = |which: fn(usize) -> bool| Shape::with_solid(positions, &numbered(positions), which);
+    let shape = |which: fn(usize) -> bool| TriangleTree::with_solid(positions, &numbered(positions), which);
     solid
         .into_iter()
-        .flat_map(|which| with_every_set(&Forest::new(vec![shape(which)], &[(0, DMat4::IDENTITY)])))
+        .flat_map(|which| with_every_set(&InstanceForest::new(vec![shape(which)], &[(0, DMat4::IDENTITY)])))
         .collect()
 }
 
@@ -82,7 +82,7 @@ pub fn by_solving(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<(usize, f64)> {
 }
 
 /// The f64 test of Woop, Benthin & Wald on one triangle after another, written without regard for speed.
-pub fn one_by_one(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<Hit> {
+pub fn one_by_one(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<RayHit> {
     let d = ray.direction.to_array();
     let [x, y, z] = d.map(f64::abs);
     let kz = if x > y && x > z {
@@ -94,7 +94,7 @@ pub fn one_by_one(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<Hit> {
     };
     let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
     let steep = 1.0 / d[kz];
-    let mut best: Option<Hit> = None;
+    let mut best: Option<RayHit> = None;
     for (triangle, corners) in triangles.iter().enumerate() {
         let seen = corners.map(|p| {
             let p = (p - ray.origin).to_array();
@@ -117,7 +117,7 @@ pub fn one_by_one(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<Hit> {
         let inverse = 1.0 / det;
         let t = (0..3).map(|k| weight[k] * seen[k][2]).sum::<f64>() * inverse * steep;
         if t.is_finite() && t > 0.0 && best.is_none_or(|b| t < b.t) {
-            best = Some(Hit { t, instance: 0, triangle, barycentric: [weight[1] * inverse, weight[2] * inverse] });
+            best = Some(RayHit { t, instance: 0, triangle, barycentric: [weight[1] * inverse, weight[2] * inverse] });
         }
     }
     best

@@ -2,11 +2,11 @@
 
 use crate::common::{Accept, EVERY, numbered, one_by_one, placement, point, seeded, soup, variants, with_every_set};
 use glam::{DMat4, DVec3};
-use mesophyll_transport::rays::{Forest, Ray, Shape};
+use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
 use rand::RngExt;
 
 /// Fails where the rays together have other answers than one by one, in any bit; gives how many meet something.
-fn same(forest: &Forest, rays: &[Ray], accept: Accept) -> usize {
+fn same(forest: &InstanceForest, rays: &[Ray], accept: Accept) -> usize {
     let together = forest.nearest_of_each(rays, accept);
     assert_eq!(together, forest.nearest_of_neighbours(rays, accept));
     assert_eq!(together.len(), rays.len());
@@ -55,9 +55,9 @@ fn instances_and_outlines_are_met_as_alone() {
     let outline: Accept = |instance, _, [b, c]| instance % 3 != 0 || b + c < 0.6;
     let mut rng = seeded(22);
     let meshes = [soup(&mut rng, 60, 1.0, 0.6), Vec::new(), soup(&mut rng, 3, 1.0, 0.6)];
-    let shapes = meshes.iter().map(|m| Shape::with_solid(m, &numbered(m), |k| k % 4 == 0)).collect();
+    let shapes = meshes.iter().map(|m| TriangleTree::with_solid(m, &numbered(m), |k| k % 4 == 0)).collect();
     let placed: Vec<_> = (0..50).map(|k| (k % 3, placement(&mut rng, 4.0))).collect();
-    let forest = Forest::new(shapes, &placed);
+    let forest = InstanceForest::new(shapes, &placed);
     let mut hits = [0; 2];
     for count in [0, 1, 7, 8, 15, 16, 17, 1500] {
         let start = |rng: &mut _| point(rng, 6.0);
@@ -80,7 +80,7 @@ fn instances_and_outlines_are_met_as_alone() {
 fn empty_forests_are_not_met() {
     let rays = vec![Ray::new(DVec3::ZERO, DVec3::Z); 40];
     for placed in [vec![], vec![(0, DMat4::IDENTITY)], vec![(0, DMat4::IDENTITY); 3]] {
-        let forest = Forest::new(vec![Shape::new(&[], &[])], &placed);
+        let forest = InstanceForest::new(vec![TriangleTree::new(&[], &[])], &placed);
         assert_eq!(same(&forest, &rays, EVERY), 0);
     }
 }

@@ -1,22 +1,22 @@
 //! Faults of a measurement, each put into the files of a clean synthetic scan, with the name that the fit must give it.
 //! A verdict is `noticed: NAME: SENTENCE`, `refused: …`, or `ok` where nothing was noticed.
 
-mod others;
-mod put;
+mod dome_photo;
+mod edits;
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_files::image::read_exr;
-use mesophyll_fits::leaf::{self, Options};
-use mesophyll_fits::record::maker::Outcome;
-use mesophyll_optics::gloss::Lobe;
-use mesophyll_optics::tube::Travel;
-use mesophyll_synth::leaf::Leaf;
-use mesophyll_synth::scan;
-use mesophyll_synth::spec::{Model, Spec};
-use put::{
+use edits::{
     both_sides, change, every, exchange, exchange_ends, flip, frame, manifest, noisy, put, reverse, scale, shift, srgb,
 };
+use mesophyll_files::image::read_exr;
+use mesophyll_fits::leaf::{self, Options};
+use mesophyll_fits::record::maker::FitOutcome;
+use mesophyll_optics::gloss::Lobe;
+use mesophyll_optics::tube::Travel;
+use mesophyll_synth::leaf::SyntheticLeaf;
+use mesophyll_synth::scan;
+use mesophyll_synth::spec::{InteriorModel, LeafSpec};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -202,7 +202,7 @@ pub fn rows(word: &str) -> Result<Vec<StressRow>> {
         out.push(judged(&format!("fault: {}", fault.name), fault.expected, [&capture, &fit], run)?);
         std::fs::remove_dir_all(&capture).map_err(|e| Error::write(&capture, e))?;
     }
-    out.extend(others::rows(word)?);
+    out.extend(dome_photo::rows(word)?);
     Ok(out)
 }
 
@@ -218,14 +218,16 @@ fn judged(
     case: &str,
     expected: &str,
     [capture, fit]: [&Path; 2],
-    run: impl Fn(&Path, &Path) -> Result<Outcome>,
+    run: impl Fn(&Path, &Path) -> Result<FitOutcome>,
 ) -> Result<StressRow> {
     let clock = Instant::now();
     let outcome = run(capture, fit);
     let ms = clock.elapsed().as_secs_f64() * 1e3;
     let verdict = match outcome {
-        Ok(Outcome::Done(_) | Outcome::UpToDate(_)) if contradicts(fit)? => "wrong: the fit contradicts itself".into(),
-        Ok(Outcome::Done(record) | Outcome::UpToDate(record)) => match record.faults.as_slice() {
+        Ok(FitOutcome::Done(_) | FitOutcome::UpToDate(_)) if contradicts(fit)? => {
+            "wrong: the fit contradicts itself".into()
+        }
+        Ok(FitOutcome::Done(record) | FitOutcome::UpToDate(record)) => match record.faults.as_slice() {
             [] => "ok".to_string(),
             [first, more @ ..] => {
                 let more: Vec<&str> = more.iter().map(|f| f.name.as_str()).collect();
@@ -233,7 +235,7 @@ fn judged(
                 format!("noticed: {}: {}{also}", first.name, first.says)
             }
         },
-        Ok(Outcome::ShardDone { .. }) => "wrong: a shard of one is not the whole".to_string(),
+        Ok(FitOutcome::ShardDone { .. }) => "wrong: a shard of one is not the whole".to_string(),
         Err(e) => {
             let said = e.to_string();
             let said = said.replace(&format!("{}/", capture.display()), "");
@@ -252,11 +254,11 @@ fn judged(
 }
 
 fn synthesise(fault: &Fault, path: &Path) -> Result<()> {
-    let mut spec: Spec = LEAF.parse().map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
+    let mut spec: LeafSpec = LEAF.parse().map_err(|e| Error::Missed(format!("the stress leaf cannot be read: {e}")))?;
     (spec.veins.tertiary_mm, spec.veins.areole_mm) = (0.0, 0.0);
     spec.lobe = fault.lobe;
     let [width, height] = [40, 30];
-    let leaf = Leaf::grow(&spec, Model::Exact, width, height)
+    let leaf = SyntheticLeaf::grow(&spec, InteriorModel::Exact, width, height)
         .ok_or_else(|| Error::Missed(format!("{}: no texel on the leaf", fault.name)))?;
     let options = scan::Options {
         width,
@@ -265,7 +267,7 @@ fn synthesise(fault: &Fault, path: &Path) -> Result<()> {
         passes: vec![Travel::X, Travel::Y],
         noise: 0.01,
         seed: 5,
-        model: Model::Exact,
+        model: InteriorModel::Exact,
         raw_exposures: false,
     };
     scan::scan(&spec, &leaf, &options, path)?;

@@ -10,39 +10,39 @@
 mod judge;
 mod rows;
 
-pub use judge::{Judge, Outcome};
+pub use judge::{BasisJudge, BasisOutcome};
 pub use rows::{PIECES, rows};
 
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::Tissue;
 use mesophyll_optics::side::{Side, mirror};
-use mesophyll_optics::translucency::basis::{Basis, Weights};
-use mesophyll_optics::translucency::blade::{Blade, Surface};
-use mesophyll_optics::translucency::lights::Rule;
+use mesophyll_optics::translucency::basis::{HemisphereBasis, SampleWeights};
+use mesophyll_optics::translucency::blade::{BladeMaps, SurfaceMaps};
+use mesophyll_optics::translucency::lights::DirectionRule;
 use mesophyll_optics::translucency::relief;
-use mesophyll_synth::leaf::Leaf;
-use mesophyll_synth::spec::{Model, Spec};
+use mesophyll_synth::leaf::SyntheticLeaf;
+use mesophyll_synth::spec::{InteriorModel, LeafSpec};
 
 /// The directions with which bases are judged.
-pub const FINE: Rule = Rule::Product { levels: 16, azimuths: 32 };
+pub const FINE: DirectionRule = DirectionRule::Product { levels: 16, azimuths: 32 };
 
 /// Texel size of the leaves that are judged (mm): the resolution of the paper's scanner.
 pub const TEXEL_MM: f64 = 0.1;
 
 /// One lit side of a piece of leaf, ready to be judged.
-pub struct Case {
+pub struct BasisCase {
     /// Name of the leaf and of the lit side.
     pub name: String,
     /// Shape and thickness.
-    pub blade: Blade,
+    pub blade: BladeMaps,
     /// The side that the light falls on.
     pub side: Side,
     /// What the blade is made of.
     pub tissue: Tissue,
 }
 
-impl Case {
+impl BasisCase {
     /// The leaf's name alone.
     pub fn leaf(&self) -> &str {
         self.name.split(',').next().unwrap_or_default()
@@ -51,21 +51,21 @@ impl Case {
 
 /// A combination that is judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Candidate {
+pub struct BasisCandidate {
     /// The functions of direction.
-    pub basis: Basis,
+    pub basis: HemisphereBasis,
     /// How samples are turned into coefficients.
-    pub weights: Weights,
+    pub weights: SampleWeights,
     /// The directions of the samples.
-    pub lights: Rule,
+    pub lights: DirectionRule,
 }
 
-impl Candidate {
+impl BasisCandidate {
     /// Its name in rows and legends.
     pub fn name(&self) -> String {
         let weights = match self.weights {
-            Weights::Gram => "",
-            Weights::Plain => ", plain sums",
+            SampleWeights::Gram => "",
+            SampleWeights::Plain => ", plain sums",
         };
         format!("{}{weights}", self.basis.name())
     }
@@ -76,13 +76,13 @@ impl Candidate {
 ///
 /// # Errors
 /// [`Error::Missed`] when nothing of the leaf lies there.
-pub fn piece(spec: &Spec, texel_mm: f64, centre_mm: [f64; 2], size_mm: [f64; 2]) -> Result<Blade> {
+pub fn piece(spec: &LeafSpec, texel_mm: f64, centre_mm: [f64; 2], size_mm: [f64; 2]) -> Result<BladeMaps> {
     let mut spec = spec.clone();
     (spec.relief.fold_deg, spec.relief.droop_mm, spec.relief.wave_mm) = (0.0, 0.0, 0.0);
     // Only the piece is grown: its field is the leaf's field, cut to it.
     let [w, h] = spec.field_mm.map(|f| (f / texel_mm).round() as usize);
     let missing = || Error::Missed(format!("{}: no leaf at {centre_mm:?} mm", spec.name));
-    let leaf = Leaf::grow(&spec, Model::Exact, w, h).ok_or_else(missing)?;
+    let leaf = SyntheticLeaf::grow(&spec, InteriorModel::Exact, w, h).ok_or_else(missing)?;
     let [cw, ch] = size_mm.map(|s| (s / texel_mm).round() as usize);
     let left = ((0.5 * spec.field_mm[0] + centre_mm[0] - 0.5 * size_mm[0]) / texel_mm).round().max(0.0) as usize;
     let top = ((0.5 * spec.field_mm[1] - centre_mm[1] - 0.5 * size_mm[1]) / texel_mm).round().max(0.0) as usize;
@@ -105,29 +105,33 @@ pub fn piece(spec: &Spec, texel_mm: f64, centre_mm: [f64; 2], size_mm: [f64; 2])
         let normal: Vec<[f64; 3]> =
             maps.iter().zip(mask).map(|((n, _), on)| if *on { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
         let entry = maps.iter().map(|(_, r)| 1.0 - f64::from(*r)).collect();
-        Surface { height: relief::heights(&normal, mask, cw, ch, texel_mm), normal, entry }
+        SurfaceMaps { height: relief::heights(&normal, mask, cw, ch, texel_mm), normal, entry }
     };
     let (front, back) = (surface(&front, &mask), surface(&back, &mirror(&mask, cw)));
-    Ok(Blade { width: cw, height: ch, texel_mm: leaf.texel_mm, mask, thickness, front, back })
+    Ok(BladeMaps { width: cw, height: ch, texel_mm: leaf.texel_mm, mask, thickness, front, back })
 }
 
 /// The bases that are tried, in order of the size that they store, and the paper's own way of projecting.
-pub fn candidates() -> Vec<Candidate> {
-    let mut list: Vec<Candidate> = [
-        Basis::HalfLife2,
-        Basis::Bent { count: 3 },
-        Basis::Cosine { degree: 2 },
-        Basis::HBasis { count: 4 },
-        Basis::Hemispherical { bands: 2 },
-        Basis::HBasis { count: 6 },
-        Basis::Cosine { degree: 3 },
-        Basis::Bent { count: 6 },
-        Basis::Spherical { bands: 3 },
-        Basis::Hemispherical { bands: 3 },
+pub fn candidates() -> Vec<BasisCandidate> {
+    let mut list: Vec<BasisCandidate> = [
+        HemisphereBasis::HalfLife2,
+        HemisphereBasis::Bent { count: 3 },
+        HemisphereBasis::Cosine { degree: 2 },
+        HemisphereBasis::HBasis { count: 4 },
+        HemisphereBasis::Hemispherical { bands: 2 },
+        HemisphereBasis::HBasis { count: 6 },
+        HemisphereBasis::Cosine { degree: 3 },
+        HemisphereBasis::Bent { count: 6 },
+        HemisphereBasis::Spherical { bands: 3 },
+        HemisphereBasis::Hemispherical { bands: 3 },
     ]
-    .map(|basis| Candidate { basis, weights: Weights::Gram, lights: FINE })
+    .map(|basis| BasisCandidate { basis, weights: SampleWeights::Gram, lights: FINE })
     .into();
-    list.push(Candidate { basis: Basis::HalfLife2, weights: Weights::Plain, lights: Rule::default() });
+    list.push(BasisCandidate {
+        basis: HemisphereBasis::HalfLife2,
+        weights: SampleWeights::Plain,
+        lights: DirectionRule::default(),
+    });
     list
 }
 
@@ -135,19 +139,19 @@ pub fn candidates() -> Vec<Candidate> {
 ///
 /// # Errors
 /// Damaged specifications.
-pub fn cases(texel_mm: f64) -> Result<Vec<Case>> {
+pub fn cases(texel_mm: f64) -> Result<Vec<BasisCase>> {
     let mut list = Vec::new();
     for (text, centre, size) in [
         (include_str!("../../../../../data/leaves/elm.toml"), [2.0, 2.0], [14.0, 12.0]),
         (include_str!("../../../../../data/leaves/balata.toml"), [2.0, 3.0], [14.0, 12.0]),
     ] {
-        let spec: Spec = text.parse().map_err(|e: toml::de::Error| Error::Missed(e.to_string()))?;
+        let spec: LeafSpec = text.parse().map_err(|e: toml::de::Error| Error::Missed(e.to_string()))?;
         let blade = piece(&spec, texel_mm, centre, size)?;
         let own = Tissue { sigma_a: spec.interior.sigma_a[1], sigma_s: spec.interior.sigma_s[1], g: 0.0, a: 1.0 };
         for (name, tissue) in [("own tissue", own), ("H9's tissue", PAPER_TISSUE)] {
             for side in [Side::Front, Side::Back] {
                 let name = format!("{}, {} lit, {name}", spec.name, side.name());
-                list.push(Case { name, blade: blade.clone(), side, tissue });
+                list.push(BasisCase { name, blade: blade.clone(), side, tissue });
             }
         }
     }
@@ -156,13 +160,17 @@ pub fn cases(texel_mm: f64) -> Result<Vec<Case>> {
 
 /// The bases that are drawn side by side: the sources' own sums over 128 random directions, the same functions with
 /// their Gram matrix, three functions of the bent light, and nine hemispherical harmonics.
-pub fn drawn() -> [Candidate; 4] {
-    let fine = |basis| Candidate { basis, weights: Weights::Gram, lights: FINE };
+pub fn drawn() -> [BasisCandidate; 4] {
+    let fine = |basis| BasisCandidate { basis, weights: SampleWeights::Gram, lights: FINE };
     [
-        Candidate { basis: Basis::HalfLife2, weights: Weights::Plain, lights: Rule::default() },
-        fine(Basis::HalfLife2),
-        fine(Basis::Bent { count: 3 }),
-        fine(Basis::Hemispherical { bands: 3 }),
+        BasisCandidate {
+            basis: HemisphereBasis::HalfLife2,
+            weights: SampleWeights::Plain,
+            lights: DirectionRule::default(),
+        },
+        fine(HemisphereBasis::HalfLife2),
+        fine(HemisphereBasis::Bent { count: 3 }),
+        fine(HemisphereBasis::Hemispherical { bands: 3 }),
     ]
 }
 
@@ -170,11 +178,11 @@ pub fn drawn() -> [Candidate; 4] {
 ///
 /// # Errors
 /// As [`cases`]; [`Error::Interrupted`].
-pub fn histograms() -> Result<Vec<Vec<Outcome>>> {
+pub fn histograms() -> Result<Vec<Vec<BasisOutcome>>> {
     let mut all = Vec::new();
     for case in cases(TEXEL_MM)?.iter().filter(|c| c.tissue == PAPER_TISSUE) {
         progress::go_on()?;
-        let judge = Judge::new(case)?;
+        let judge = BasisJudge::new(case)?;
         all.push(drawn().into_iter().map(|candidate| judge.judge(candidate)).collect::<Result<_>>()?);
     }
     Ok(all)
@@ -187,7 +195,7 @@ const PAPER_TISSUE: Tissue = Tissue { sigma_a: 0.4, sigma_s: 10.2, g: 0.07, a: 1
 mod tests {
     use super::*;
 
-    fn elm() -> Spec {
+    fn elm() -> LeafSpec {
         include_str!("../../../../../data/leaves/elm.toml").parse().unwrap()
     }
 

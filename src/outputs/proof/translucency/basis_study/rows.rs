@@ -1,15 +1,15 @@
 //! The study as rows: bases on every case, light directions, and the number of azimuths in a slice of the horizon.
 
-use super::{Candidate, Judge, PAPER_TISSUE, TEXEL_MM, candidates, cases};
+use super::{BasisCandidate, BasisJudge, PAPER_TISSUE, TEXEL_MM, candidates, cases};
 use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
-use mesophyll_files::progress::{self, Bar};
-use mesophyll_fits::translucency::spread::Spread;
+use mesophyll_files::progress::{self, TaskProgress};
+use mesophyll_fits::translucency::spread::TranslucencySpread;
 use mesophyll_optics::side::Side;
-use mesophyll_optics::translucency::basis::{Basis, Projector, Weights};
+use mesophyll_optics::translucency::basis::{HemisphereBasis, Projector, SampleWeights};
 use mesophyll_optics::translucency::horizon::{self, Horizon};
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance, project};
-use mesophyll_optics::translucency::lights::{Lights, PAPER, Rule};
+use mesophyll_optics::translucency::lights::{DirectionRule, DirectionSet, PAPER};
 
 /// Steps of the bar that [`rows`] takes: one a case.
 pub const PIECES: u64 = 8;
@@ -22,14 +22,14 @@ fn row(knob: String, setting: String, error: f64, us: f64, note: String) -> Benc
 ///
 /// # Errors
 /// As [`cases`]; [`Error::Interrupted`].
-pub fn rows(bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     for case in cases(TEXEL_MM)? {
-        let judge = Judge::new(&case)?;
+        let judge = BasisJudge::new(&case)?;
         for candidate in candidates() {
             progress::go_on()?;
             let outcome = judge.judge(candidate)?;
-            let each = |f: &dyn Fn(&Spread) -> f64| {
+            let each = |f: &dyn Fn(&TranslucencySpread) -> f64| {
                 outcome.spreads.iter().map(|s| format!("{:.4}", f(s))).collect::<Vec<_>>().join(" ")
             };
             let [operations, roots] = candidate.basis.operations();
@@ -63,18 +63,23 @@ pub(super) fn apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     (square / n).sqrt() / (b.iter().flatten().sum::<f64>() / n)
 }
 
-fn light_rows(judge: &Judge) -> Result<Vec<BenchRow>> {
-    let with = |lights: Rule, weights: Weights| Candidate { basis: Basis::HalfLife2, weights, lights };
-    let truth = judge.coefficients(with(Rule::Product { levels: 32, azimuths: 64 }, Weights::Gram))?;
+fn light_rows(judge: &BasisJudge) -> Result<Vec<BenchRow>> {
+    let with = |lights: DirectionRule, weights: SampleWeights| BasisCandidate {
+        basis: HemisphereBasis::HalfLife2,
+        weights,
+        lights,
+    };
+    let truth = judge.coefficients(with(DirectionRule::Product { levels: 32, azimuths: 64 }, SampleWeights::Gram))?;
     let mut rows = Vec::new();
     let leaf = judge.case.leaf();
-    let mut add = |placed: &str, setting: String, rules: &[Rule], weights: Weights| -> Result<()> {
+    let mut add = |placed: &str, setting: String, rules: &[DirectionRule], weights: SampleWeights| -> Result<()> {
         progress::go_on()?;
         let mut square = 0.0;
         for rule in rules {
             square += apart(&judge.coefficients(with(*rule, weights))?, &truth).powi(2) / rules.len() as f64;
         }
-        let projector = Projector::new(Basis::HalfLife2, &Lights::new(rules[0]), weights).map_err(Error::Usage)?;
+        let projector =
+            Projector::new(HemisphereBasis::HalfLife2, &DirectionSet::new(rules[0]), weights).map_err(Error::Usage)?;
         let us = median_us(5.0, || project(&judge.lit, &judge.horizon, &projector, Visibility::Hard));
         let note = format!(
             "RMS of the coefficients over their mean, against 2048 directions; {}; time of the projection",
@@ -83,24 +88,31 @@ fn light_rows(judge: &Judge) -> Result<Vec<BenchRow>> {
         rows.push(row(format!("light directions: {placed}, {leaf}"), setting, square.sqrt(), us, note));
         Ok(())
     };
-    let seeds = |count: usize| -> Vec<Rule> { (1..=4).map(|seed| Rule::Stratified { count, seed }).collect() };
+    let seeds = |count: usize| -> Vec<DirectionRule> {
+        (1..=4).map(|seed| DirectionRule::Stratified { count, seed }).collect()
+    };
     let counts = [32, 64, PAPER, 256, 512];
     for count in counts {
-        add("stratified", count.to_string(), &seeds(count), Weights::Gram)?;
+        add("stratified", count.to_string(), &seeds(count), SampleWeights::Gram)?;
     }
-    add("stratified, plain sums", PAPER.to_string(), &seeds(PAPER), Weights::Plain)?;
+    add("stratified, plain sums", PAPER.to_string(), &seeds(PAPER), SampleWeights::Plain)?;
     for count in counts {
-        add("spiral", count.to_string(), &[Rule::Spiral { count }], Weights::Gram)?;
+        add("spiral", count.to_string(), &[DirectionRule::Spiral { count }], SampleWeights::Gram)?;
     }
     for (levels, azimuths) in [(4, 8), (4, 16), (8, 16), (4, 32), (8, 32), (16, 32)] {
-        add("product", format!("{levels}x{azimuths}"), &[Rule::Product { levels, azimuths }], Weights::Gram)?;
+        add(
+            "product",
+            format!("{levels}x{azimuths}"),
+            &[DirectionRule::Product { levels, azimuths }],
+            SampleWeights::Gram,
+        )?;
     }
     Ok(rows)
 }
 
 /// The error that slices and their interpolation cause, compared with the horizon in the light's own azimuth, at the
 /// lowest elevation.
-fn horizon_rows(judge: &Judge) -> Result<Vec<BenchRow>> {
+fn horizon_rows(judge: &BasisJudge) -> Result<Vec<BenchRow>> {
     let lit = &judge.lit;
     let directions: Vec<[f64; 3]> = judge.truth[2].iter().map(|(d, _)| *d).collect();
     let exact: Vec<Vec<f64>> = directions

@@ -9,21 +9,21 @@ pub mod vein;
 
 use crate::Result;
 use crate::bench::BenchRow;
-use mesophyll_files::progress::Bar;
+use mesophyll_files::progress::TaskProgress;
 use mesophyll_optics::walk::Histories;
 
 /// How many histories the oracle follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Effort {
+pub struct OracleEffort {
     /// Histories of each plane slab.
     pub plane: u64,
     /// Histories of each vein, over all runs.
     pub vein: u64,
 }
 
-impl Effort {
+impl OracleEffort {
     /// This takes minutes on two cores.
-    pub const FULL: Effort = Effort { plane: 400_000, vein: 1_000_000 };
+    pub const FULL: OracleEffort = OracleEffort { plane: 400_000, vein: 1_000_000 };
 
     fn plane(self) -> Histories {
         Histories { count: self.plane, seed: 510 }
@@ -46,12 +46,12 @@ pub const PIECES: u64 = 6;
 /// # Errors
 /// [`crate::Error::Interrupted`], and the errors of the walk and of the convolution, which do not occur with these
 /// settings.
-pub fn bench_rows(bar: &Bar) -> Result<Vec<BenchRow>> {
-    rows(Effort::FULL, bar)
+pub fn bench_rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
+    rows(OracleEffort::FULL, bar)
 }
 
 /// [`bench_rows`] with another effort.
-pub fn rows(effort: Effort, bar: &Bar) -> Result<Vec<BenchRow>> {
+pub fn rows(effort: OracleEffort, bar: &TaskProgress) -> Result<Vec<BenchRow>> {
     let mut rows = plane::history_rows()?;
     bar.step()?;
     rows.extend(plane::total_rows(effort)?);

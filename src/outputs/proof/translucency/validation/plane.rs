@@ -1,18 +1,19 @@
 //! The forms of T(r, d) compared with the walk in a plane slab: totals, the spread of a spot, and the angles at which
 //! light leaves.
 
-use super::{Effort, row};
+use super::{OracleEffort, row};
 use crate::bench::{BenchRow, median_us};
 use crate::{Error, Result};
 use mesophyll_files::progress;
-use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::dipole::{DipoleForm, Tissue};
 use mesophyll_optics::slab;
-use mesophyll_optics::walk::rough::Rough;
-use mesophyll_optics::walk::slab::Entry;
-use mesophyll_optics::walk::{Boundary, Estimate, Medium, Slab, SlabWalk};
+use mesophyll_optics::walk::rough::RoughSurface;
+use mesophyll_optics::walk::slab::EntryDirection;
+use mesophyll_optics::walk::{Boundary, HistoryEstimate, Medium, Slab, SlabWalk};
 
 /// The forms by name.
-pub const FORMS: [(&str, Form); 3] = [("dipoles 3", Form::Dipoles(3)), ("images", Form::Images), ("thin", Form::Thin)];
+pub const FORMS: [(&str, DipoleForm); 3] =
+    [("dipoles 3", DipoleForm::Dipoles(3)), ("images", DipoleForm::Images), ("thin", DipoleForm::Thin)];
 
 /// An error means nothing where the oracle's relative standard error is larger than this.
 const KNOWN: f64 = 0.1;
@@ -31,7 +32,7 @@ pub fn medium(tissue: &Tissue) -> Medium {
     Medium { sigma_a: tissue.sigma_a, sigma_s: tissue.sigma_s, g: tissue.g }
 }
 
-fn walk(tissue: &Tissue, d: f64, entry: Entry, effort: Effort, edges: &[f64]) -> Result<SlabWalk> {
+fn walk(tissue: &Tissue, d: f64, entry: EntryDirection, effort: OracleEffort, edges: &[f64]) -> Result<SlabWalk> {
     Slab { medium: medium(tissue), thickness_mm: d, boundary: boundary(tissue) }.walk(entry, effort.plane(), edges)
 }
 
@@ -46,7 +47,7 @@ fn digits(x: f64) -> String {
     if x.abs() < 0.01 { format!("{x:.3e}") } else { format!("{x:.5}") }
 }
 
-fn stated(e: Estimate) -> String {
+fn stated(e: HistoryEstimate) -> String {
     if e.value < 0.01 {
         format!("{:.3e} ± {:.1e}", e.value, e.error)
     } else {
@@ -55,7 +56,7 @@ fn stated(e: Estimate) -> String {
 }
 
 /// One row for each form: the relative error of its total.
-fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting: &str, oracle: Estimate) {
+fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting: &str, oracle: HistoryEstimate) {
     let sure = oracle.error < KNOWN * oracle.value;
     let of = |total: f64| if sure && total.is_finite() { total / oracle.value - 1.0 } else { f64::NAN };
     for (name, form) in FORMS {
@@ -74,7 +75,7 @@ fn totals(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, setting
 }
 
 /// The transport equation with isotropic scattering σs′ instead of σs and g (matched faces, a normal beam).
-fn similar(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, oracle: Estimate) {
+fn similar(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, oracle: HistoryEstimate) {
     let total = slab::response(tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
     let us = median_us(1.0, || slab::response(tissue.sigma_a, tissue.reduced_scattering(), d));
     let error = if oracle.error < KNOWN * oracle.value { total / oracle.value - 1.0 } else { f64::NAN };
@@ -88,7 +89,7 @@ fn similar(rows: &mut Vec<BenchRow>, knob: &str, tissue: &Tissue, d: f64, oracle
 }
 
 /// Totals over thickness, absorption, scattering, anisotropy and inner reflectance.
-pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
+pub fn total_rows(effort: OracleEffort) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let table = Tissue::TABLE;
     let reduced = table.reduced_scattering();
@@ -109,7 +110,7 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     }
     for (knob, tissue, d) in cases {
         progress::go_on()?;
-        let oracle = walk(&tissue, d, Entry::NORMAL, effort, &[])?.transmitted;
+        let oracle = walk(&tissue, d, EntryDirection::NORMAL, effort, &[])?.transmitted;
         totals(&mut rows, knob, &tissue, d, &named(&tissue, d), oracle);
         if tissue.a == 1.0 {
             similar(&mut rows, knob, &tissue, d, oracle);
@@ -117,11 +118,11 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     }
     // Light that a rough face has spread, and a dielectric face treated in full (relative to the flux that entered).
     for d in [0.05, 0.1, 0.2, 0.5] {
-        let oracle = walk(&table, d, Entry::Diffuse, effort, &[])?.transmitted;
+        let oracle = walk(&table, d, EntryDirection::Diffuse, effort, &[])?.transmitted;
         totals(&mut rows, "oracle: lambertian entry", &table, d, &named(&table, d), oracle);
-        let face = Rough { index: 1.4, slope: 0.35 };
+        let face = RoughSurface { index: 1.4, slope: 0.35 };
         let slab = Slab { medium: medium(&table), thickness_mm: d, boundary: Boundary::Rough(face) };
-        let got = slab.walk(Entry::NORMAL, effort.plane(), &[])?;
+        let got = slab.walk(EntryDirection::NORMAL, effort.plane(), &[])?;
         let entered = 1.0 - got.glossy.value;
         let inner = inner_reflectance(face.index);
         let tissue = Tissue { a: (1.0 + inner) / (1.0 - inner), ..table };
@@ -149,9 +150,9 @@ pub fn total_rows(effort: Effort) -> Result<Vec<BenchRow>> {
 /// Light at an angle: the share of a beam that comes through, divided by the share of light from everywhere (which ρt
 /// was measured with). For a flat blade the maps say 1 at every angle, so a row's error is that of the picture. Where
 /// faces are matched, the note also gives the exact slab at that incidence.
-pub fn incidence_rows(effort: Effort) -> Result<Vec<BenchRow>> {
+pub fn incidence_rows(effort: OracleEffort) -> Result<Vec<BenchRow>> {
     let table = Tissue::TABLE;
-    let face = Rough { index: 1.4, slope: 0.35 };
+    let face = RoughSurface { index: 1.4, slope: 0.35 };
     let mut rows = Vec::new();
     for (name, boundary) in [("matched", Boundary::Matched), ("rough dielectric", Boundary::Rough(face))] {
         for d in [0.1, 0.2, 0.5] {
@@ -178,17 +179,17 @@ pub fn incidence_rows(effort: Effort) -> Result<Vec<BenchRow>> {
 
 /// Transmittance of a beam at this angle, divided by that of light from everywhere; both are relative to the incident
 /// flux.
-pub fn beam_over_even(slab: &Slab, degrees: f64, effort: Effort) -> Result<Estimate> {
+pub fn beam_over_even(slab: &Slab, degrees: f64, effort: OracleEffort) -> Result<HistoryEstimate> {
     let (sin, mu) = degrees.to_radians().sin_cos();
-    let beam = slab.walk(Entry::Beam([sin, 0.0, mu]), effort.plane(), &[])?.transmitted;
-    let even = slab.walk(Entry::Diffuse, effort.plane(), &[])?.transmitted;
+    let beam = slab.walk(EntryDirection::Beam([sin, 0.0, mu]), effort.plane(), &[])?.transmitted;
+    let even = slab.walk(EntryDirection::Diffuse, effort.plane(), &[])?.transmitted;
     let value = beam.value / even.value;
-    Ok(Estimate { value, error: value * (beam.error / beam.value).hypot(even.error / even.value) })
+    Ok(HistoryEstimate { value, error: value * (beam.error / beam.value).hypot(even.error / even.value) })
 }
 
 /// The same ratio from the transport equation with isotropic scattering σs′ (matched faces).
 pub fn slant(tissue: &Tissue, d: f64, mu: f64) -> f64 {
-    let at = |mu: f64| slab::exact::response_at(mu, tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
+    let at = |mu: f64| slab::medium::response_at(mu, tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
     let even: f64 = mesophyll_base::quadrature::unit(12).into_iter().map(|(m, w)| 2.0 * w * m * at(m)).sum();
     at(mu) / even
 }
@@ -204,7 +205,7 @@ pub fn inner_reflectance(index: f64) -> f64 {
 }
 
 /// Root mean square distance of the scattered light (mm): −4 dT̂/d(k²)/T̂ at k = 0, extrapolated from two steps.
-pub fn spread(tissue: &Tissue, d: f64, form: Form) -> f64 {
+pub fn spread(tissue: &Tissue, d: f64, form: DipoleForm) -> f64 {
     let at = |k: f64| tissue.spectrum(k, d, form) - tissue.ballistic(d, form);
     let total = at(0.0);
     let k = 0.1 / (d + 2.0 * tissue.mean_free_path());
@@ -213,7 +214,7 @@ pub fn spread(tissue: &Tissue, d: f64, form: Form) -> f64 {
 }
 
 /// Radius that contains this share of the scattered light, by bisection on `beyond`. NaN where the form is not defined.
-pub fn radius_of(tissue: &Tissue, d: f64, form: Form, share: f64) -> f64 {
+pub fn radius_of(tissue: &Tissue, d: f64, form: DipoleForm, share: f64) -> f64 {
     let total = tissue.beyond(0.0, d, form);
     if !(total > 0.0) {
         return f64::NAN;
@@ -228,7 +229,7 @@ pub fn radius_of(tissue: &Tissue, d: f64, form: Form, share: f64) -> f64 {
 
 /// The same for the walk, linear between the edges of the rings, with the standard error that follows from the
 /// uncertainty of a ring.
-fn radius_in(walk: &SlabWalk, share: f64) -> Estimate {
+fn radius_in(walk: &SlabWalk, share: f64) -> HistoryEstimate {
     let parts: Vec<f64> = rings(walk);
     let scattered = walk.transmitted.value - walk.unscattered.value;
     let mut sum = 0.0;
@@ -239,11 +240,11 @@ fn radius_in(walk: &SlabWalk, share: f64) -> Estimate {
             // The share below is known to √(share (1 − share)) of the relative error of the scattered flux.
             let relative = walk.transmitted.error / scattered;
             let error = (share * (1.0 - share)).sqrt() * relative * scattered * (high - low) / part;
-            return Estimate { value: low + fraction * (high - low), error };
+            return HistoryEstimate { value: low + fraction * (high - low), error };
         }
         sum += part;
     }
-    Estimate { value: f64::NAN, error: f64::NAN }
+    HistoryEstimate { value: f64::NAN, error: f64::NAN }
 }
 
 fn rings(walk: &SlabWalk) -> Vec<f64> {
@@ -264,7 +265,7 @@ fn edges(d: f64) -> Vec<f64> {
 
 /// Half-light radius, root mean square radius and the largest difference of the enclosed share, for several tissues
 /// over thickness.
-pub fn spot_rows(effort: Effort) -> Result<Vec<BenchRow>> {
+pub fn spot_rows(effort: OracleEffort) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let table = Tissue::TABLE;
     let mut cases: Vec<(Tissue, f64)> = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0].map(|d| (table, d)).into();
@@ -273,11 +274,11 @@ pub fn spot_rows(effort: Effort) -> Result<Vec<BenchRow>> {
     cases.push((Tissue { a: 3.0, ..table }, 0.2));
     for (tissue, d) in cases {
         progress::go_on()?;
-        let oracle = walk(&tissue, d, Entry::NORMAL, effort, &edges(d))?;
+        let oracle = walk(&tissue, d, EntryDirection::NORMAL, effort, &edges(d))?;
         let setting = named(&tissue, d);
         let half = radius_in(&oracle, 0.5);
         let square = oracle.mean_square_radius;
-        let root = Estimate { value: square.value.sqrt(), error: 0.5 * square.error / square.value.sqrt() };
+        let root = HistoryEstimate { value: square.value.sqrt(), error: 0.5 * square.error / square.value.sqrt() };
         let scattered = oracle.transmitted.value - oracle.unscattered.value;
         let parts = rings(&oracle);
         for (name, form) in FORMS {
@@ -311,7 +312,7 @@ pub fn spot_rows(effort: Effort) -> Result<Vec<BenchRow>> {
 }
 
 /// How far the light that comes through is from Lambertian.
-pub fn angle_rows(effort: Effort) -> Result<Vec<BenchRow>> {
+pub fn angle_rows(effort: OracleEffort) -> Result<Vec<BenchRow>> {
     let table = Tissue::TABLE;
     let forward = Tissue { sigma_s: table.reduced_scattering() / 0.1, g: 0.9, ..table };
     let mut rows = Vec::new();
@@ -319,7 +320,7 @@ pub fn angle_rows(effort: Effort) -> Result<Vec<BenchRow>> {
         [0.02, 0.05, 0.1, 0.2, 0.5].map(|d| (table, d)).into_iter().chain([0.05, 0.2].map(|d| (forward, d)))
     {
         let start = std::time::Instant::now();
-        let oracle = walk(&tissue, d, Entry::NORMAL, effort, &[])?;
+        let oracle = walk(&tissue, d, EntryDirection::NORMAL, effort, &[])?;
         let us = start.elapsed().as_secs_f64() * 1e6;
         let cos = oracle.mean_cosine;
         let shares = oracle.angles.map(|a| format!("{:.3}", 10.0 * a.value)).join(" ");
@@ -335,11 +336,11 @@ pub fn angle_rows(effort: Effort) -> Result<Vec<BenchRow>> {
 /// The oracle compared with the exact slab: how more histories reduce its error.
 pub fn history_rows() -> Result<Vec<BenchRow>> {
     let (sigma_a, sigma_s, d) = (0.4, 9.486, 0.2);
-    let exact = slab::exact::response(sigma_a, sigma_s, d).rho_t;
+    let exact = slab::medium::response(sigma_a, sigma_s, d).rho_t;
     let slab = Slab { medium: Medium { sigma_a, sigma_s, g: 0.0 }, thickness_mm: d, boundary: Boundary::Matched };
     let one = |count: u64| -> Result<BenchRow> {
         let start = std::time::Instant::now();
-        let got = slab.walk(Entry::NORMAL, mesophyll_optics::walk::Histories { count, seed: 3 }, &[])?;
+        let got = slab.walk(EntryDirection::NORMAL, mesophyll_optics::walk::Histories { count, seed: 3 }, &[])?;
         let us = start.elapsed().as_secs_f64() * 1e6;
         if got.lost.value > 0.0 {
             return Err(Error::Missed(format!("random walk: {} of the light was lost", got.lost.value)));

@@ -6,17 +6,19 @@
 //! independent runs.
 
 use super::plane::{inner_reflectance, medium};
-use super::{Effort, row};
+use super::{OracleEffort, row};
 use crate::bench::BenchRow;
 use crate::{Error, Result};
-use mesophyll_optics::dipole::{Form, Tissue};
+use mesophyll_optics::dipole::{DipoleForm, Tissue};
 use mesophyll_optics::side::Side;
-use mesophyll_optics::translucency::blade::Blade;
-use mesophyll_optics::translucency::convolve::{Convolver, Settings};
+use mesophyll_optics::translucency::blade::BladeMaps;
+use mesophyll_optics::translucency::convolution::{ConvolutionSettings, Convolver};
 use mesophyll_optics::translucency::horizon::Horizon;
 use mesophyll_optics::translucency::irradiance::{Visibility, irradiance};
-use mesophyll_optics::walk::rough::Rough;
-use mesophyll_optics::walk::{Boundary, Estimate, Field, Histories, Leaf, Light, Rim};
+use mesophyll_optics::walk::rough::RoughSurface;
+use mesophyll_optics::walk::{
+    Boundary, FieldRim, Histories, HistoryEstimate, IncidentLight, LeafHeightField, ReliefLeaf,
+};
 use std::time::Instant;
 
 /// mm
@@ -35,7 +37,7 @@ const SLOPE: f64 = 0.35;
 
 /// A straight ridge on a lamina of 0.2 mm: its height and its full width at half height, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Vein {
+pub struct ProofVein {
     /// Its name in rows.
     pub name: &'static str,
     /// Height of the crest over the lamina (mm).
@@ -45,10 +47,10 @@ pub struct Vein {
 }
 
 /// Their slopes reach 50° and 15°.
-pub const VEINS: [Vein; 2] =
-    [Vein { name: "steep", rise: 0.3, width: 0.4 }, Vein { name: "gentle", rise: 0.1, width: 0.6 }];
+pub const VEINS: [ProofVein; 2] =
+    [ProofVein { name: "steep", rise: 0.3, width: 0.4 }, ProofVein { name: "gentle", rise: 0.1, width: 0.6 }];
 
-impl Vein {
+impl ProofVein {
     /// Heights at the centres of texels; the crest is in the middle of `n` texels.
     fn heights(&self, n: usize) -> Vec<f64> {
         (0..n)
@@ -64,14 +66,14 @@ impl Vein {
     }
 
     /// Height of one face over the mid plane, outward.
-    fn face(&self, n: usize, face: Ridge, ridge: Ridge) -> Vec<f64> {
+    fn face(&self, n: usize, face: RidgeFace, ridge: RidgeFace) -> Vec<f64> {
         self.heights(n).iter().map(|h| 0.5 * LAMINA + if face == ridge { *h } else { 0.0 }).collect()
     }
 }
 
 /// On which face the ridge stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ridge {
+pub enum RidgeFace {
     /// The face that the light enters.
     Lit,
     /// The face that the light leaves.
@@ -80,7 +82,7 @@ pub enum Ridge {
 
 /// How the oracle's faces treat light.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Faces {
+pub enum OracleFaces {
     /// They do nothing; light goes straight in.
     Clear,
     /// Light enters and leaves Lambertian about the face.
@@ -89,22 +91,22 @@ pub enum Faces {
     Dielectric,
 }
 
-impl Faces {
+impl OracleFaces {
     fn name(self) -> &'static str {
         match self {
-            Faces::Clear => "clear faces",
-            Faces::Spread => "spreading faces",
-            Faces::Dielectric => "rough dielectric",
+            OracleFaces::Clear => "clear faces",
+            OracleFaces::Spread => "spreading faces",
+            OracleFaces::Dielectric => "rough dielectric",
         }
     }
 
-    fn leaf(self, tissue: &Tissue) -> Leaf {
-        let boundary = if self == Faces::Dielectric {
-            Boundary::Rough(Rough { index: INDEX, slope: SLOPE })
+    fn leaf(self, tissue: &Tissue) -> ReliefLeaf {
+        let boundary = if self == OracleFaces::Dielectric {
+            Boundary::Rough(RoughSurface { index: INDEX, slope: SLOPE })
         } else {
             Boundary::Matched
         };
-        Leaf { medium: medium(tissue), boundary, spread: self == Faces::Spread }
+        ReliefLeaf { medium: medium(tissue), boundary, spread: self == OracleFaces::Spread }
     }
 }
 
@@ -116,7 +118,7 @@ fn toward(degrees: f64) -> [f64; 3] {
 
 /// The oracle's profiles, one for each run.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Runs {
+pub struct OracleRuns {
     /// The light that leaves each texel of the leaf's plane.
     pub exitance: Vec<Vec<f64>>,
     /// π times the radiance seen from straight in front.
@@ -124,22 +126,28 @@ pub struct Runs {
 }
 
 /// The oracle's profiles of one vein.
-pub fn oracle(vein: &Vein, ridge: Ridge, faces: Faces, degrees: f64, effort: Effort) -> Result<Runs> {
-    let back = vein.face(N, Ridge::Unlit, ridge).iter().map(|h| -h).collect();
-    let field = Field::new(N, 1, TEXEL, vein.face(N, Ridge::Lit, ridge), back, Rim::Periodic)?;
+pub fn oracle(
+    vein: &ProofVein,
+    ridge: RidgeFace,
+    faces: OracleFaces,
+    degrees: f64,
+    effort: OracleEffort,
+) -> Result<OracleRuns> {
+    let back = vein.face(N, RidgeFace::Unlit, ridge).iter().map(|h| -h).collect();
+    let field = LeafHeightField::new(N, 1, TEXEL, vein.face(N, RidgeFace::Lit, ridge), back, FieldRim::Periodic)?;
     let leaf = faces.leaf(&Tissue::TABLE);
     let Histories { count, seed } = effort.vein();
-    let mut runs = Runs::default();
+    let mut runs = OracleRuns::default();
     for run in 0..RUNS as u64 {
         let got = leaf.walk(
             &field,
-            Light::Direction(toward(degrees)),
+            IncidentLight::Direction(toward(degrees)),
             Histories { count: count / RUNS as u64, seed: seed + run },
         )?;
         if got.lost.value > 0.0 {
             return Err(Error::Missed(format!("random walk: {} of the light was lost", got.lost.value)));
         }
-        let values = |map: &[Estimate]| map.iter().map(|e| e.value).collect();
+        let values = |map: &[HistoryEstimate]| map.iter().map(|e| e.value).collect();
         runs.exitance.push(values(&got.exitance));
         runs.seen.push(values(&got.seen));
     }
@@ -148,7 +156,7 @@ pub fn oracle(vein: &Vein, ridge: Ridge, faces: Faces, degrees: f64, effort: Eff
 
 /// How the convolution uses the maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Take {
+pub enum ConvolutionVariant {
     /// As in H9 Eq. 3.14: the thickness where light enters, and E over the texel's area in the leaf's plane.
     Printed,
     /// E over the area of the texel's facet, which is 1/n_z times larger: the flux that meets the facet.
@@ -158,40 +166,40 @@ pub enum Take {
 }
 
 /// The model of one vein: the blade, its light and the convolution, as the translucency maps are made.
-pub struct Model {
-    blade: Blade,
+pub struct VeinProofModel {
+    blade: BladeMaps,
     horizon: Horizon,
 }
 
-impl Model {
+impl VeinProofModel {
     /// The model of a ridge on that face.
-    pub fn new(vein: &Vein, ridge: Ridge) -> Model {
-        let map = |face: Ridge| vein.face(WIDE, face, ridge).repeat(LONG);
+    pub fn new(vein: &ProofVein, ridge: RidgeFace) -> VeinProofModel {
+        let map = |face: RidgeFace| vein.face(WIDE, face, ridge).repeat(LONG);
         let all = || vec![1.0; WIDE * LONG];
-        let heights = [map(Ridge::Lit), map(Ridge::Unlit)];
-        let blade = Blade::from_heights(WIDE, LONG, TEXEL, vec![true; WIDE * LONG], heights, [all(), all()]);
+        let heights = [map(RidgeFace::Lit), map(RidgeFace::Unlit)];
+        let blade = BladeMaps::from_heights(WIDE, LONG, TEXEL, vec![true; WIDE * LONG], heights, [all(), all()]);
         let horizon = Horizon::new(&blade.lit(Side::Front));
-        Model { blade, horizon }
+        VeinProofModel { blade, horizon }
     }
 
     /// Kernels for the vein's thicknesses.
-    pub fn kernels(&self, tissue: &Tissue, form: Form) -> Result<Convolver> {
-        let settings = Settings { form, ..Settings::new(*tissue, TEXEL) };
+    pub fn kernels(&self, tissue: &Tissue, form: DipoleForm) -> Result<Convolver> {
+        let settings = ConvolutionSettings { form, ..ConvolutionSettings::new(*tissue, TEXEL) };
         let none = || Error::Missed("the ridge has no thickness".into());
         Convolver::for_map(&settings, WIDE, &self.blade.thickness)?.ok_or_else(none)
     }
 
     /// The profile in the middle of the middle row.
-    pub fn profile(&self, kernels: &Convolver, degrees: f64, take: Take) -> Vec<f64> {
+    pub fn profile(&self, kernels: &Convolver, degrees: f64, take: ConvolutionVariant) -> Vec<f64> {
         let lit = self.blade.lit(Side::Front);
         let mut light = irradiance(&lit, &self.horizon, toward(degrees), Visibility::Hard);
-        if take != Take::Printed {
+        if take != ConvolutionVariant::Printed {
             light.iter_mut().zip(&lit.surface.normal).for_each(|(e, n)| *e /= n[2]);
         }
         let light = std::slice::from_ref(&light);
         // With the adjoint, the kernel is that of the thickness at the texel whose light is summed up, where light
         // leaves.
-        let image = if take == Take::Exit {
+        let image = if take == ConvolutionVariant::Exit {
             kernels.adjoint(&lit.thickness, light)
         } else {
             kernels.run(&lit.thickness, light)
@@ -203,7 +211,7 @@ impl Model {
 /// Readings of a profile: the lamina's level; relative to it the crest and both feet; and the width of the shadow's
 /// edge (mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reading {
+pub struct VeinProfileReading {
     /// Level beside the vein, in the unit of the profile.
     pub lamina: f64,
     /// Level at the crest, as a share of the lamina's.
@@ -218,7 +226,7 @@ pub struct Reading {
 }
 
 /// Reads these figures off a profile that runs across the vein.
-pub fn read(profile: &[f64]) -> Reading {
+pub fn read(profile: &[f64]) -> VeinProfileReading {
     let mean = |low: f64, high: f64| {
         let inside: Vec<f64> = (0..N).filter(|&k| (low..=high).contains(&x_of(k))).map(|k| profile[k]).collect();
         inside.iter().sum::<f64>() / inside.len() as f64
@@ -238,7 +246,7 @@ pub fn read(profile: &[f64]) -> Reading {
         (Some(a), Some(b)) if smooth[0] < flat => b - a,
         _ => f64::NAN,
     };
-    Reading {
+    VeinProfileReading {
         lamina,
         crest: mean(-0.07, 0.07) / lamina,
         near: mean(0.24, 0.36) / lamina,
@@ -252,7 +260,7 @@ fn x_of(k: usize) -> f64 {
 }
 
 /// A reading of the mean of the runs, with the jackknife's standard error.
-fn jackknife(runs: &[Vec<f64>], pick: impl Fn(&[f64]) -> f64) -> Estimate {
+fn jackknife(runs: &[Vec<f64>], pick: impl Fn(&[f64]) -> f64) -> HistoryEstimate {
     let n = runs.len() as f64;
     let total: Vec<f64> = (0..N).map(|k| runs.iter().map(|r| r[k]).sum()).collect();
     let value = pick(&total.iter().map(|t| t / n).collect::<Vec<_>>());
@@ -260,7 +268,7 @@ fn jackknife(runs: &[Vec<f64>], pick: impl Fn(&[f64]) -> f64) -> Estimate {
         runs.iter().map(|r| pick(&total.iter().zip(r).map(|(t, x)| (t - x) / (n - 1.0)).collect::<Vec<_>>())).collect();
     let mean = left.iter().sum::<f64>() / n;
     let error = ((n - 1.0) / n * left.iter().map(|x| (x - mean).powi(2)).sum::<f64>()).sqrt();
-    Estimate { value, error }
+    HistoryEstimate { value, error }
 }
 
 /// Root mean square of model less oracle, both relative to their lamina, over |x| ≤ 1.6 mm, corrected for the oracle's
@@ -279,32 +287,32 @@ fn difference(model: &[f64], runs: &[Vec<f64>]) -> f64 {
 }
 
 /// The forms and ways that are compared.
-const MODELS: [(&str, Form, Take); 4] = [
-    ("images", Form::Images, Take::Printed),
-    ("thin", Form::Thin, Take::Printed),
-    ("thin, facets' area", Form::Thin, Take::Facets),
-    ("thin, facets' area, exit's thickness", Form::Thin, Take::Exit),
+const MODELS: [(&str, DipoleForm, ConvolutionVariant); 4] = [
+    ("images", DipoleForm::Images, ConvolutionVariant::Printed),
+    ("thin", DipoleForm::Thin, ConvolutionVariant::Printed),
+    ("thin, facets' area", DipoleForm::Thin, ConvolutionVariant::Facets),
+    ("thin, facets' area, exit's thickness", DipoleForm::Thin, ConvolutionVariant::Exit),
 ];
 
 /// One row for each vein, case and model: the difference of the profiles, and the readings of both.
-pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
+pub fn rows(effort: OracleEffort) -> Result<Vec<BenchRow>> {
     let mut rows = Vec::new();
     let inner = inner_reflectance(INDEX);
     let closed = Tissue { a: (1.0 + inner) / (1.0 - inner), ..Tissue::TABLE };
     for vein in &VEINS {
-        for (ridge, side) in [(Ridge::Unlit, "unlit"), (Ridge::Lit, "lit")] {
-            let model = Model::new(vein, ridge);
+        for (ridge, side) in [(RidgeFace::Unlit, "unlit"), (RidgeFace::Lit, "lit")] {
+            let model = VeinProofModel::new(vein, ridge);
             for tissue in [Tissue::TABLE, closed] {
                 let kernels = [
-                    (Form::Images, model.kernels(&tissue, Form::Images)?),
-                    (Form::Thin, model.kernels(&tissue, Form::Thin)?),
+                    (DipoleForm::Images, model.kernels(&tissue, DipoleForm::Images)?),
+                    (DipoleForm::Thin, model.kernels(&tissue, DipoleForm::Thin)?),
                 ];
-                let cases: &[(Faces, f64)] = if tissue.a == 1.0 {
+                let cases: &[(OracleFaces, f64)] = if tissue.a == 1.0 {
                     // A flat lit face that spreads light loses the light's direction.
-                    &[(Faces::Clear, 0.0), (Faces::Spread, 0.0), (Faces::Spread, 75.0)]
-                        [..if ridge == Ridge::Lit { 3 } else { 2 }]
+                    &[(OracleFaces::Clear, 0.0), (OracleFaces::Spread, 0.0), (OracleFaces::Spread, 75.0)]
+                        [..if ridge == RidgeFace::Lit { 3 } else { 2 }]
                 } else {
-                    &[(Faces::Dielectric, 0.0), (Faces::Dielectric, 75.0)]
+                    &[(OracleFaces::Dielectric, 0.0), (OracleFaces::Dielectric, 75.0)]
                 };
                 for &(faces, degrees) in cases {
                     mesophyll_files::progress::go_on()?;
@@ -312,7 +320,7 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
                     let setting =
                         format!("{} vein on the {side} face, light at {degrees} deg, {}", vein.name, faces.name());
                     for (name, form, take) in MODELS {
-                        if take == Take::Facets && ridge == Ridge::Unlit {
+                        if take == ConvolutionVariant::Facets && ridge == RidgeFace::Unlit {
                             continue; // With a flat lit face this is the same as the printed form.
                         }
                         let Some((_, convolver)) = kernels.iter().find(|(f, _)| *f == form) else { continue };
@@ -332,7 +340,7 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
                         compare("exitance", &runs.exitance);
                         // Where light leaves through a flat face, the two differ only by the angles of exit, which are
                         // the same beside the ridge. Faces that do not spread light show the beam itself.
-                        if ridge == Ridge::Unlit && faces == Faces::Spread {
+                        if ridge == RidgeFace::Unlit && faces == OracleFaces::Spread {
                             compare("radiance", &runs.seen);
                         }
                     }
@@ -346,7 +354,7 @@ pub fn rows(effort: Effort) -> Result<Vec<BenchRow>> {
 /// Model (oracle ± standard error) of each reading.
 fn readings(profile: &[f64], runs: &[Vec<f64>], degrees: f64) -> String {
     let got = read(profile);
-    let one = |what: &str, value: f64, pick: fn(&Reading) -> f64| {
+    let one = |what: &str, value: f64, pick: fn(&VeinProfileReading) -> f64| {
         let o = jackknife(runs, |p| pick(&read(p)));
         format!("{what} {value:.3} ({:.3} ± {:.3})", o.value, o.error)
     };

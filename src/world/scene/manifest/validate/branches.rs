@@ -1,13 +1,13 @@
 //! Checks what a scene states about branches of its plants, and the wind that moves them.
 
 use super::MOST_SECONDS;
-use super::place::Place;
+use super::place::ManifestText;
 use crate::manifest::{BranchOverride, Result};
 use mesophyll_plants::mechanics::beam::{TAPER_MAX, TAPER_MIN};
 use std::collections::BTreeSet;
 
 /// Checks the branches of all plants.
-pub fn branches(p: &Place) -> Result<()> {
+pub fn branches(p: &ManifestText) -> Result<()> {
     let mut before = 0;
     for plant in &p.manifest.plants {
         let mut seen = BTreeSet::new();
@@ -29,7 +29,7 @@ pub fn branches(p: &Place) -> Result<()> {
 
 const HEADER: &str = "[[plant.branch]]";
 
-fn branch(p: &Place, i: usize, own: &BranchOverride) -> Result<()> {
+fn branch(p: &ManifestText, i: usize, own: &BranchOverride) -> Result<()> {
     match (&own.name, own.level) {
         (Some(_), Some(_)) => return Err(p.error(HEADER, i, "level", "given beside a name; expected one of the two")),
         (None, None) => return Err(p.error(HEADER, i, "name", "missing; expected a branch's name, or a level")),
@@ -66,7 +66,7 @@ fn branch(p: &Place, i: usize, own: &BranchOverride) -> Result<()> {
 }
 
 /// Checks the wind.
-pub fn wind(p: &Place) -> Result<()> {
+pub fn wind(p: &ManifestText) -> Result<()> {
     let Some(wind) = &p.manifest.wind else { return Ok(()) };
     p.range("[wind]", 0, "speed_m_s", wind.speed_m_s, [0.0, 100.0], "m/s")?;
     p.finite("[wind]", 0, "azimuth_deg", &[wind.azimuth_deg])?;

@@ -1,6 +1,6 @@
 //! Checks grass: it needs a ground, and its slices come from a fit or from stated figures.
 
-use super::place::Place;
+use super::place::ManifestText;
 use crate::manifest::Result;
 
 /// The largest number of rectangles in a lawn. Each is an instance for the path tracer.
@@ -13,7 +13,7 @@ const FARTHEST: f64 = 1e6;
 /// The renderer's own limit.
 const MOST_STEPS: f64 = 256.0;
 
-pub fn grass(p: &Place) -> Result<()> {
+pub fn grass(p: &ManifestText) -> Result<()> {
     const HEADER: &str = "[[grass]]";
     let m = p.manifest;
     let mut names = p.names(HEADER, "lawn");

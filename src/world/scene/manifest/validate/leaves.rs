@@ -1,12 +1,12 @@
 //! Checks leaves: each has one source of data, and its fields belong together.
 
-use super::place::Place;
-use crate::manifest::{Interior, Leaf, Result, Uniform};
+use super::place::ManifestText;
+use crate::manifest::{InteriorSource, Result, StatedLeaf, UniformLeaf};
 use mesophyll_fits::look::Look;
 use mesophyll_optics::gloss::LobeKind;
 use mesophyll_transport::lobe::M_FLOOR;
 
-pub fn leaves(p: &Place) -> Result<()> {
+pub fn leaves(p: &ManifestText) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
     let mut names = p.names(HEADER, "leaf");
     for (i, leaf) in p.manifest.leaves.iter().enumerate() {
@@ -56,7 +56,7 @@ pub fn leaves(p: &Place) -> Result<()> {
             ));
         }
         let like = leaf.like.as_ref().and_then(|name| p.manifest.leaf_index(name)).map(|k| &p.manifest.leaves[k]);
-        let even = |l: &Leaf| l.uniform.is_some() || l.foliar.is_some();
+        let even = |l: &StatedLeaf| l.uniform.is_some() || l.foliar.is_some();
         if leaf.discs.is_some() && !even(leaf) && like.is_none_or(|l| !even(l)) {
             return Err(p.error(HEADER, i, "discs", "given without uniform; discs have no maps"));
         }
@@ -118,12 +118,12 @@ const ROUNDING: f64 = 2e-6;
 
 /// Checks a leaf that is the same everywhere: it has a mesh, and no field that needs maps. `key` is the field that
 /// states it.
-fn without_maps(p: &Place, i: usize, key: &str, leaf: &Leaf, fitted: bool) -> Result<()> {
+fn without_maps(p: &ManifestText, i: usize, key: &str, leaf: &StatedLeaf, fitted: bool) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
     for (other, given) in [
         ("fit, capture or scan", fitted),
         ("translucency", leaf.translucency.is_some()),
-        ("interior", leaf.interior != Interior::default()),
+        ("interior", leaf.interior != InteriorSource::default()),
     ] {
         if given {
             return Err(p.error(HEADER, i, key, format!("given beside {other}; a {key} leaf has no maps")));
@@ -137,14 +137,14 @@ fn without_maps(p: &Place, i: usize, key: &str, leaf: &Leaf, fitted: bool) -> Re
 }
 
 /// Checks a leaf whose look is stated by pictures. What they hold is checked where they are read.
-fn one_look(p: &Place, i: usize, leaf: &Leaf, look: &Look, fitted: bool) -> Result<()> {
+fn one_look(p: &ManifestText, i: usize, leaf: &StatedLeaf, look: &Look, fitted: bool) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
     for (other, given) in [
         ("fit, capture or scan", fitted),
         ("uniform", leaf.uniform.is_some()),
         ("foliar", leaf.foliar.is_some()),
         ("translucency, which needs the σa and σs of a fit", leaf.translucency.is_some()),
-        ("interior, of which a look has one only", leaf.interior != Interior::default()),
+        ("interior, of which a look has one only", leaf.interior != InteriorSource::default()),
     ] {
         if given {
             return Err(p.error(HEADER, i, "look", format!("given beside {other}; expected one of the two")));
@@ -156,7 +156,7 @@ fn one_look(p: &Place, i: usize, leaf: &Leaf, look: &Look, fitted: bool) -> Resu
     }
 }
 
-fn one_uniform(p: &Place, i: usize, leaf: &Leaf, uniform: &Uniform, fitted: bool) -> Result<()> {
+fn one_uniform(p: &ManifestText, i: usize, leaf: &StatedLeaf, uniform: &UniformLeaf, fitted: bool) -> Result<()> {
     const HEADER: &str = "[[leaf]]";
     const KEY: &str = "uniform";
     without_maps(p, i, KEY, leaf, fitted)?;

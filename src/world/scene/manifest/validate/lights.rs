@@ -1,11 +1,11 @@
 //! Checks sun, sky, day, camera and the light between leaves. A physical sky needs a sun, and only under a physical sky
 //! can the sun move.
 
-use super::place::Place;
-use crate::manifest::{Day, Result, Sky};
+use super::place::ManifestText;
+use crate::manifest::{Result, SceneDay, SceneSky};
 use mesophyll_sky::{SkyModel, preetham};
 
-pub fn lights(p: &Place) -> Result<()> {
+pub fn lights(p: &ManifestText) -> Result<()> {
     if let Some(sun) = &p.manifest.sun {
         p.range("[sun]", 0, "zenith_deg", sun.zenith_deg, [0.0, 180.0], "degrees")?;
         p.finite("[sun]", 0, "azimuth_deg", &[sun.azimuth_deg])?;
@@ -75,7 +75,7 @@ pub fn lights(p: &Place) -> Result<()> {
     Ok(())
 }
 
-fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
+fn one_sky(p: &ManifestText, sky: &SceneSky) -> Result<()> {
     const HEADER: &str = "[sky]";
     if sky.radiance.is_some() || sky.environment.is_some() {
         let (what, has) = match sky.radiance {
@@ -150,7 +150,7 @@ fn one_sky(p: &Place, sky: &Sky) -> Result<()> {
     sky.scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, "number of scene units a kcd/m\u{b2}"))
 }
 
-fn one_day(p: &Place, day: &Day) -> Result<()> {
+fn one_day(p: &ManifestText, day: &SceneDay) -> Result<()> {
     const HEADER: &str = "[day]";
     p.range(HEADER, 0, "latitude_deg", day.latitude_deg, [-90.0, 90.0], "degrees")?;
     p.range(HEADER, 0, "declination_deg", day.declination_deg, [-23.45, 23.45], "degrees")?;

@@ -8,9 +8,9 @@ mod place;
 mod placements;
 mod views;
 
-use super::{Check, Manifest};
+use super::{CheckSettings, SceneManifest};
 use crate::manifest::Result;
-use place::{Place, plain};
+use place::{ManifestText, plain};
 
 /// The largest numbers of pixels along a side, of samples, and of seconds of a wind. A larger number is more likely a
 /// typing error than meant.
@@ -22,8 +22,8 @@ const MOST_SECONDS: f64 = 1e6;
 ///
 /// # Errors
 /// [`Error::Input`] for the first fault.
-pub fn validate(m: &Manifest, text: &str) -> Result<()> {
-    let p = Place { manifest: m, text };
+pub fn validate(m: &SceneManifest, text: &str) -> Result<()> {
+    let p = ManifestText { manifest: m, text };
     if m.schema != 1 {
         return Err(p.error("", 0, "schema", format!("found {}, expected 1", m.schema)));
     }
@@ -61,7 +61,7 @@ pub fn validate(m: &Manifest, text: &str) -> Result<()> {
     p.range("[check]", 0, "seconds", m.check.seconds, [0.0, 60.0], "s")?;
     p.range("[check]", 0, "fps", m.check.fps, [1.0, 240.0], "frames a second")?;
     if m.check.seconds > 0.0 {
-        let least = f64::from(Check::FILM_BLOCK);
+        let least = f64::from(CheckSettings::FILM_BLOCK);
         for (key, value) in [("width", m.check.width), ("height", m.check.height)] {
             p.range("[check]", 0, key, f64::from(value), [least, f64::INFINITY], "pixels, for a film's blocks")?;
         }
@@ -107,7 +107,7 @@ max_error = 0.1
         let dir = tempfile::tempdir().unwrap();
         let path: PathBuf = dir.path().join("s.toml");
         std::fs::write(&path, text).unwrap();
-        match Manifest::read(&path) {
+        match SceneManifest::read(&path) {
             Ok(_) => "ok".into(),
             Err(e) => {
                 assert!(e.is_usage());

@@ -1,16 +1,16 @@
 //! The place of a fault in a scene file, and the checks that many fields share.
 
-use crate::manifest::{Error, Leaf, Manifest, Result};
+use crate::manifest::{Error, Result, SceneManifest, StatedLeaf};
 use mesophyll_base::error::Fault;
 use std::collections::BTreeSet;
 
 /// The manifest and its text. The text tells the line of a fault.
-pub struct Place<'a> {
-    pub manifest: &'a Manifest,
+pub struct ManifestText<'a> {
+    pub manifest: &'a SceneManifest,
     pub text: &'a str,
 }
 
-impl<'a> Place<'a> {
+impl<'a> ManifestText<'a> {
     /// An error at `key` of the `index`-th table with this `header` (`""` means the top of the file).
     pub fn error(&self, header: &str, index: usize, key: &str, what: impl std::fmt::Display) -> Error {
         let table = header.trim_matches(['[', ']']);
@@ -81,7 +81,7 @@ impl<'a> Place<'a> {
     /// Checks that the leaf of a view that compares it with its fit exists and is fitted.
     pub fn fitted_leaf(&self, header: &str, index: usize, name: &str) -> Result<()> {
         self.leaf(header, index, "leaf", name)?;
-        let stated = |leaf: &Leaf| match (&leaf.uniform, &leaf.foliar, &leaf.look) {
+        let stated = |leaf: &StatedLeaf| match (&leaf.uniform, &leaf.foliar, &leaf.look) {
             (Some(_), ..) => Some("uniform"),
             (_, Some(_), _) => Some("stated by its layers"),
             (.., Some(_)) => Some("stated by its look"),
@@ -94,20 +94,20 @@ impl<'a> Place<'a> {
     }
 
     /// An empty record of the names in tables with this header. `what` says what is named, for errors.
-    pub fn names(&self, header: &'static str, what: &'static str) -> Names<'a, '_> {
-        Names { place: self, header, what, seen: BTreeSet::new() }
+    pub fn names(&self, header: &'static str, what: &'static str) -> TableNames<'a, '_> {
+        TableNames { place: self, header, what, seen: BTreeSet::new() }
     }
 }
 
 /// The names in the tables of one header. Each must be plain enough for a file's name, and used once only.
-pub struct Names<'a, 'p> {
-    place: &'p Place<'a>,
+pub struct TableNames<'a, 'p> {
+    place: &'p ManifestText<'a>,
     header: &'static str,
     what: &'static str,
     seen: BTreeSet<&'a str>,
 }
 
-impl<'a> Names<'a, '_> {
+impl<'a> TableNames<'a, '_> {
     /// Records the name of the `index`-th table.
     ///
     /// # Errors

@@ -1,12 +1,12 @@
 //! Checks where leaves stand: single leaves and whole plants, and what is below them.
 
-use super::place::Place;
-use crate::manifest::{GRAINS_A_TILE, MOST_LEAF_RESONANCE, Matter, Result};
+use super::place::ManifestText;
+use crate::manifest::{GRAINS_A_TILE, MOST_LEAF_RESONANCE, Result, SceneMaterial};
 
 /// The largest number of plants. Each looks for a place away from all others before it.
 const MOST_PLANTS: usize = 10_000;
 
-pub fn placements(p: &Place) -> Result<()> {
+pub fn placements(p: &ManifestText) -> Result<()> {
     let m = p.manifest;
     for (i, instance) in m.instances.iter().enumerate() {
         const HEADER: &str = "[[instance]]";
@@ -81,7 +81,7 @@ pub fn placements(p: &Place) -> Result<()> {
 }
 
 /// Checks whole plants: where they come from, what their materials are, where they stand.
-fn plants(p: &Place) -> Result<()> {
+fn plants(p: &ManifestText) -> Result<()> {
     const HEADER: &str = "[[plant]]";
     for (i, plant) in p.manifest.plants.iter().enumerate() {
         match (&plant.file, &plant.grow) {
@@ -98,8 +98,8 @@ fn plants(p: &Place) -> Result<()> {
         }
         for matter in plant.materials.values() {
             match matter {
-                Matter::Leaf(name) => p.leaf(HEADER, i, "materials", name)?,
-                Matter::Bark(bark) => p.reflectance(HEADER, i, "materials", bark)?,
+                SceneMaterial::Leaf(name) => p.leaf(HEADER, i, "materials", name)?,
+                SceneMaterial::Bark(bark) => p.reflectance(HEADER, i, "materials", bark)?,
             }
         }
         p.finite(HEADER, i, "position_mm", &plant.position_mm)?;

@@ -1,14 +1,14 @@
 //! Checks views: each has a camera that sees something, and the limits that suit its kind.
 
 use super::MOST_SECONDS;
-use super::place::Place;
-use crate::manifest::{Result, View, ViewKind};
+use super::place::ManifestText;
+use crate::manifest::{Result, SceneView, ViewKind};
 
 /// The least number of blocks along a side of the picture. A mean over a large part of the picture would hide faults in
 /// it.
 const FEWEST_BLOCKS: u32 = 8;
 
-pub fn views(p: &Place) -> Result<()> {
+pub fn views(p: &ManifestText) -> Result<()> {
     const HEADER: &str = "[[view]]";
     if p.manifest.views.is_empty() && p.manifest.periodic.is_none() {
         return Err(p.error("", 0, "view", "missing; expected at least one [[view]]"));
@@ -21,7 +21,7 @@ pub fn views(p: &Place) -> Result<()> {
     Ok(())
 }
 
-fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
+fn one_view(p: &ManifestText, i: usize, view: &SceneView) -> Result<()> {
     const HEADER: &str = "[[view]]";
     let missing = |key: &str| p.error(HEADER, i, key, format!("missing; view \"{}\" needs it", view.name));
     if view.kind == ViewKind::Capture {
@@ -100,7 +100,7 @@ fn one_view(p: &Place, i: usize, view: &View) -> Result<()> {
 }
 
 /// Checks a view of a scan, which takes its camera and its light from the scan.
-fn capture(p: &Place, i: usize, view: &View) -> Result<()> {
+fn capture(p: &ManifestText, i: usize, view: &SceneView) -> Result<()> {
     const HEADER: &str = "[[view]]";
     p.fitted_leaf(
         HEADER,

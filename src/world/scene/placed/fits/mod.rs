@@ -1,6 +1,6 @@
 //! The fit folders that a scene's leaves come from: they are found and opened, and made where they are missing.
 
-pub mod missing;
-pub mod reads;
+pub mod maker;
+pub mod reader;
 pub mod source;
 pub mod translucency;

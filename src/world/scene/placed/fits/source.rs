@@ -1,17 +1,17 @@
 //! The source of a leaf's fit: a folder that is up to date, or a capture or scan that must be fitted first.
 
-use crate::manifest::{Leaf, Manifest, Scan};
+use crate::manifest::{SceneManifest, StatedLeaf, StatedScan};
 use crate::placed::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_fits::look::Look;
 use mesophyll_fits::record::FitRecord;
-use mesophyll_synth::spec::Spec;
+use mesophyll_synth::spec::LeafSpec;
 use std::path::{Path, PathBuf};
 
 /// The state of a leaf's fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Freshness {
+pub enum FitFreshness {
     /// Its input is the one it was fitted from (or is not given), so it is used unchanged.
     Reuse,
     /// There is no fit yet.
@@ -22,9 +22,9 @@ pub enum Freshness {
 
 /// The source of a leaf's data.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Source {
+pub struct LeafSource {
     /// Whether the data exist and are up to date.
-    pub status: Freshness,
+    pub status: FitFreshness,
     /// The fit folder to read, or the one where the fit will be.
     pub folder: Option<PathBuf>,
     /// The reason for the status, in words; empty where it is plain.
@@ -32,14 +32,19 @@ pub struct Source {
 }
 
 /// Computes the hash of everything that a fit of this capture would be made from, as `fit.toml` records it.
-pub type InputHash<'a> = &'a dyn Fn(&Leaf, &Path) -> Result<String>;
+pub type FitInputHash<'a> = &'a dyn Fn(&StatedLeaf, &Path) -> Result<String>;
 
 /// Finds the source of leaf `index`. `out` is a run's folder with its own fits. `input_hash` computes the present hash
 /// of a capture.
 ///
 /// # Errors
 /// [`Error::Input`] when the scene names a fit that does not exist and nothing to make it from.
-pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash: Option<InputHash>) -> Result<Source> {
+pub fn source(
+    manifest: &SceneManifest,
+    index: usize,
+    out: Option<&Path>,
+    input_hash: Option<FitInputHash>,
+) -> Result<LeafSource> {
     let leaf = &manifest.leaves[index];
     if let Some(look) = &leaf.look {
         return stated(&look_of(manifest, look), out.map(|o| o.join("fits").join(leaf.data_name())));
@@ -70,7 +75,7 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
             }
             _ => "the scene names it",
         };
-        return Ok(Source { status: Freshness::Reuse, folder: Some(folder), why: why.into() });
+        return Ok(LeafSource { status: FitFreshness::Reuse, folder: Some(folder), why: why.into() });
     }
     if leaf.capture.is_none() && leaf.scan.is_none() {
         let folder = named.unwrap_or_default();
@@ -85,9 +90,9 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
     }
     let from = if leaf.capture.is_some() { "capture" } else { "scan" };
     Ok(match stale {
-        Some(why) => Source { status: Freshness::Stale, folder: made, why },
-        None => Source {
-            status: Freshness::Missing,
+        Some(why) => LeafSource { status: FitFreshness::Stale, folder: made, why },
+        None => LeafSource {
+            status: FitFreshness::Missing,
             folder: made,
             why: format!("not fitted yet; the scene names a {from}"),
         },
@@ -95,29 +100,29 @@ pub fn source(manifest: &Manifest, index: usize, out: Option<&Path>, input_hash:
 }
 
 /// A look whose pictures lie where the manifest says.
-pub fn look_of(manifest: &Manifest, look: &Look) -> Look {
+pub fn look_of(manifest: &SceneManifest, look: &Look) -> Look {
     look.resolved(|picture| manifest.resolve(picture))
 }
 
 /// The source of a leaf whose look is stated, with the folder of a run where its maps are.
-fn stated(look: &Look, folder: Option<PathBuf>) -> Result<Source> {
+fn stated(look: &Look, folder: Option<PathBuf>) -> Result<LeafSource> {
     let made = folder.as_ref().filter(|f| f.join("fit.toml").is_file());
     let (status, why) = match made {
-        None => (Freshness::Missing, "stated, not fitted; its maps are not made yet from the pictures of the scene"),
+        None => (FitFreshness::Missing, "stated, not fitted; its maps are not made yet from the pictures of the scene"),
         Some(f) if FitRecord::read(f)?.input_hash == look.input_hash()? => {
-            (Freshness::Reuse, "stated, not fitted; its pictures are what its maps were made from")
+            (FitFreshness::Reuse, "stated, not fitted; its pictures are what its maps were made from")
         }
-        Some(_) => (Freshness::Stale, "stated, not fitted; its pictures, or what is stated beside them, changed"),
+        Some(_) => (FitFreshness::Stale, "stated, not fitted; its pictures, or what is stated beside them, changed"),
     };
-    Ok(Source { status, folder, why: why.into() })
+    Ok(LeafSource { status, folder, why: why.into() })
 }
 
 /// The hash of a scan's input: its specification and the options of `synth`.
-pub fn scan_hash(manifest: &Manifest, scan: &Scan) -> Result<String> {
+pub fn scan_hash(manifest: &SceneManifest, scan: &StatedScan) -> Result<String> {
     let path = manifest.resolve(&scan.spec);
     let spec = hash::file(&path)?;
     // An error in the specification is reported when the scan is made.
-    let pigments = Spec::read(&path).ok().and_then(|spec| spec.foliar).map(|layers| hash::file(&layers.pigments));
+    let pigments = LeafSpec::read(&path).ok().and_then(|spec| spec.foliar).map(|layers| hash::file(&layers.pigments));
     let pigments = pigments.transpose()?.unwrap_or_default();
     let field = scan.field_mm.map(|f| format!("{f:?}")).unwrap_or_default();
     let inside = scan.sigma_a.iter().chain(&scan.sigma_s).map(|s| format!(" {s:?}")).collect::<String>();
@@ -156,7 +161,7 @@ mod tests {
              \"perspective\"\n\
              eye_mm = [0, 0, 300]\ntarget_mm = [0, 0, 0]\nup = [0, 1, 0]\nfov_deg = 20\n";
         std::fs::write(&scene, text).unwrap();
-        let manifest = Manifest::read(&scene).unwrap();
+        let manifest = SceneManifest::read(&scene).unwrap();
         let hash = || scan_hash(&manifest, manifest.leaves[0].scan.as_ref().unwrap()).unwrap();
         let before = hash();
         assert_eq!(before, hash());

@@ -1,27 +1,27 @@
 //! The source of the translucency maps of a scene's leaf: a folder of `fit translucency` that the scene names, or one
 //! that a run has made.
 
-use super::source::{Freshness, Source};
-use crate::manifest::{Basis, Manifest, Translucency as Asked};
+use super::source::{FitFreshness, LeafSource};
+use crate::manifest::{SceneManifest, StatedTranslucency as Asked, TranslucencyBasis};
 use crate::placed::Result;
 use mesophyll_files::hash;
 use mesophyll_fits::leaf_folder::LeafFit;
 use mesophyll_fits::record::{FitKind, FitRecord};
-use mesophyll_fits::translucency::recipe::Recipe;
-use mesophyll_optics::translucency::basis::Basis as Functions;
+use mesophyll_fits::translucency::recipe::TranslucencyRecipe;
+use mesophyll_optics::translucency::basis::HemisphereBasis as Functions;
 use std::path::{Path, PathBuf};
 
 /// The translucency maps that the scene requests.
 #[derive(Debug, Clone)]
-pub struct Translucent {
+pub struct PlacedTranslucency {
     /// Their folder, and whether it is up to date.
-    pub source: Source,
+    pub source: LeafSource,
     /// The open fit, where the maps exist and are up to date. Its files have names like `LEAF/translucency/…`.
     pub fitted: Option<LeafFit>,
 }
 
 /// The folder of a run's own translucency maps of a leaf.
-pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
+pub fn folder(manifest: &SceneManifest, index: usize, out: &Path) -> PathBuf {
     out.join("fits").join(format!("{}-translucency", manifest.leaves[index].data_name()))
 }
 
@@ -30,11 +30,11 @@ pub fn folder(manifest: &Manifest, index: usize, out: &Path) -> PathBuf {
 /// # Errors
 /// [`Error::Input`] for a folder of another kind of fit.
 pub fn find(
-    manifest: &Manifest,
+    manifest: &SceneManifest,
     index: usize,
     out: Option<&Path>,
     fitted_leaf: Option<&LeafFit>,
-) -> Result<Option<Translucent>> {
+) -> Result<Option<PlacedTranslucency>> {
     let leaf = &manifest.leaves[index];
     let Some(asked) = &leaf.translucency else { return Ok(None) };
     let named = asked.fit.as_ref().map(|f| manifest.resolve(f));
@@ -57,23 +57,24 @@ pub fn find(
     let Some(place) = found else {
         let (status, why) = match stale {
             true => {
-                (Freshness::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made")
+                (FitFreshness::Stale, "the leaf's fit, or what the scene asks of it, changed since the maps were made")
             }
-            false => (Freshness::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
+            false => (FitFreshness::Missing, "not made yet; `mesophyll run` and `check` make it from the leaf's fit"),
         };
-        let source = Source { status, folder: made, why: why.into() };
-        return Ok(Some(Translucent { source, fitted: None }));
+        let source = LeafSource { status, folder: made, why: why.into() };
+        return Ok(Some(PlacedTranslucency { source, fitted: None }));
     };
     let fitted = LeafFit::open_as(&place, FitKind::Translucency)?.called(&format!("{}/translucency", leaf.name));
-    let source = Source { status: Freshness::Reuse, folder: Some(place), why: "the scene asks for it".into() };
-    Ok(Some(Translucent { source, fitted: Some(fitted) }))
+    let source = LeafSource { status: FitFreshness::Reuse, folder: Some(place), why: "the scene asks for it".into() };
+    Ok(Some(PlacedTranslucency { source, fitted: Some(fitted) }))
 }
 
 /// Whether maps that state how they were made were made as the scene requests. Where the scene requests no basis, a
 /// named folder may have any.
 fn as_asked(asked: &Asked, record: &FitRecord, named: bool) -> bool {
-    let wanted = asked.basis.or_else(|| (!named).then(Basis::default));
-    let of =
-        |b: Basis| record.options.get("basis").map_or(b == Basis::default(), |s| Functions::named(s) == Some(b.into()));
-    Recipe::agrees(record, &asked.options()) && wanted.is_none_or(of)
+    let wanted = asked.basis.or_else(|| (!named).then(TranslucencyBasis::default));
+    let of = |b: TranslucencyBasis| {
+        record.options.get("basis").map_or(b == TranslucencyBasis::default(), |s| Functions::named(s) == Some(b.into()))
+    };
+    TranslucencyRecipe::agrees(record, &asked.options()) && wanted.is_none_or(of)
 }

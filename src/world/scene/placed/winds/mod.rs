@@ -6,26 +6,26 @@
 //! spectrum were a power of the frequency, which it is not. Here, branches share a texture if their resonances are
 //! within [`crate::placed::sways::ALIKE`] of each other, whatever their level.
 
-use crate::manifest::{Flutter, Manifest};
-use crate::placed::flutter::{Fluttering, Gusts, TEXTURES};
+use crate::manifest::{SceneManifest, StatedFlutter};
+use crate::placed::flutter::{FlutterGusts, PlacedFlutter, TEXTURES};
 use crate::placed::ledger::Ledger;
-use crate::placed::plant::Planted;
-use crate::placed::sections::Sections;
-use crate::placed::sways::{MOTION_SIDE, alike, leads, sways, variance};
+use crate::placed::plant::PlacedPlant;
+use crate::placed::sections::PlantSections;
+use crate::placed::sway::{MOTION_SIDE, alike, leads, sways, variance};
 use crate::placed::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
 use mesophyll_fits::branch::beam::basis;
 use mesophyll_plants::form::Branch;
-use mesophyll_plants::mechanics::motion::{Cell, Motion, Trajectory};
-use mesophyll_plants::mechanics::motion_spectrum::Method;
+use mesophyll_plants::mechanics::motion::{MotionTexture, TextureCell, Trajectory};
+use mesophyll_plants::mechanics::motion_spectrum::SpectrumMethod;
 use mesophyll_plants::mechanics::wind::{Sway, Wind};
-use mesophyll_plants::pose::{self, FREELY, Lengths, Limb, Limbs, Pose, Rigid};
+use mesophyll_plants::pose::{self, FREELY, LengthConstraint, Limb, Pose, RestPose, RigidMotion};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
 /// How one branch responds to the wind.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
+pub struct WindResponse {
     /// Wind, resonance, damping and lean.
     pub sway: Sway,
     /// Mass (kg) of everything that it carries.
@@ -40,15 +40,15 @@ pub struct Answer {
 
 /// A `[[plant]]` that moves, with all its places.
 #[derive(Debug)]
-pub struct Swaying {
+pub struct SwayingPlant {
     /// Its branches, in the plant's frame.
-    pub limbs: Limbs,
+    pub limbs: RestPose,
     /// The response of each branch; `None` for one without length.
-    pub answers: Vec<Option<Answer>>,
+    pub answers: Vec<Option<WindResponse>>,
     /// The sections that carry its leaves and its bark.
-    pub sections: Sections,
+    pub sections: PlantSections,
     /// How its leaves flutter; `None` where the scene states no flutter.
-    pub flutter: Option<Fluttering>,
+    pub flutter: Option<PlacedFlutter>,
     /// For each branch, the amplitude of its stated load if it were horizontal.
     loads: Vec<f64>,
     /// For each place, the direction that the wind blows to, and the world's up; in the plant's frame.
@@ -94,25 +94,25 @@ const MOST_BARK: usize = 20_000_000;
 
 /// All plants of a scene that move: in its wind, and by loads that the scene states.
 #[derive(Debug)]
-pub struct Winds {
+pub struct SwayingPlants {
     /// The plants, in the manifest's order; `None` for a plant that nothing moves.
-    pub plants: Vec<Option<Swaying>>,
+    pub plants: Vec<Option<SwayingPlant>>,
     /// The motion textures.
-    pub motions: Vec<Motion>,
+    pub motions: Vec<MotionTexture>,
     /// The gusts for leaves, for each kind of flutter.
-    pub gusts: Vec<Arc<Gusts>>,
+    pub gusts: Vec<Arc<FlutterGusts>>,
     /// The sections at the last times that were requested.
-    last: Mutex<Vec<(Lengths, f64, Arc<Vec<Rigid>>)>>,
+    last: Mutex<Vec<(LengthConstraint, f64, Arc<Vec<RigidMotion>>)>>,
 }
 
-impl Winds {
+impl SwayingPlants {
     /// How the plants move; `None` where none does.
     ///
     /// # Errors
     /// [`Error::Input`] where a stated load bends a branch too far, where a sway or a flutter has no spectrum, where
     /// leaves should flutter on branches that do not sway, and for too many textures, cross-sections or vertices of
     /// bark.
-    pub fn new(manifest: &Manifest, planted: &[Planted], ledger: &Ledger) -> Result<Option<Winds>> {
+    pub fn new(manifest: &SceneManifest, planted: &[PlacedPlant], ledger: &Ledger) -> Result<Option<SwayingPlants>> {
         let wind = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0);
         let seed = wind.map_or(0, |w| w.seed);
         let mean = wind
@@ -120,7 +120,7 @@ impl Winds {
         let sways: Vec<Vec<Option<(Sway, f64)>>> =
             manifest.plants.iter().zip(planted).map(|(said, p)| sways(said, mean, &p.plant)).collect();
         let flutters = if wind.is_some() { flutters(manifest, planted, &sways)? } else { Vec::new() };
-        let loaded = |p: &Planted| p.plant.branches.iter().any(|b| b.bending_load != 0.0);
+        let loaded = |p: &PlacedPlant| p.plant.branches.iter().any(|b| b.bending_load != 0.0);
         let moves: Vec<bool> =
             planted.iter().zip(&sways).map(|(p, of)| loaded(p) || of.iter().any(Option::is_some)).collect();
         if !moves.contains(&true) {
@@ -147,9 +147,9 @@ impl Winds {
         let bytes = (leads.len() * MOTION_SIDE * MOTION_SIDE * 8) as u64;
         let make = |(k, lead): (usize, &Sway)| {
             let seed = seed.wrapping_add((k as u64) << 48);
-            Motion::new(|f| lead.spectrum(f), lead.highest(), MOTION_SIDE, seed, Method::Directed)
+            MotionTexture::new(|f| lead.spectrum(f), lead.highest(), MOTION_SIDE, seed, SpectrumMethod::Directed)
         };
-        let all = || leads.par_iter().enumerate().map(make).collect::<Option<Vec<Motion>>>();
+        let all = || leads.par_iter().enumerate().map(make).collect::<Option<Vec<MotionTexture>>>();
         let made = match leads.is_empty() {
             true => Some(Vec::new()),
             false => ledger.note("make", "motion texture", bytes, all),
@@ -157,44 +157,44 @@ impl Winds {
         let motions = made.ok_or_else(|| {
             Error::field(&manifest.path, "wind", "the plants' sway has no spectrum that is positive and finite")
         })?;
-        let of_kind = |(k, said): (usize, &&Flutter)| {
+        let of_kind = |(k, said): (usize, &&StatedFlutter)| {
             let seed = seed.wrapping_add((1 + k as u64) << 40);
             let what = "the leaves' flutter has no spectrum that is positive and finite";
-            Gusts::new(said, mean, seed, ledger)
+            FlutterGusts::new(said, mean, seed, ledger)
                 .map(Arc::new)
                 .ok_or_else(|| Error::field(&manifest.path, "plant", what))
         };
-        let gusts: Vec<Arc<Gusts>> = flutters.iter().enumerate().map(of_kind).collect::<Result<_>>()?;
+        let gusts: Vec<Arc<FlutterGusts>> = flutters.iter().enumerate().map(of_kind).collect::<Result<_>>()?;
         let mut first = 0;
         let of_lead: Vec<f64> = leads.iter().map(variance).collect();
         let plants = planted.iter().zip(sways).enumerate().map(|(index, (p, sways))| {
-            let limbs = Limbs::new(&p.plant, basis::shape);
+            let limbs = RestPose::new(&p.plant, basis::shape);
             let answer = |(k, sway): (usize, Option<(Sway, f64)>)| {
                 let ((sway, mass), limb) = (sway?, &limbs.0[k]);
                 let texture = leads.iter().position(|lead| alike(lead, &sway))?;
                 let faster = sway.oscillator.resonance / leads[texture].oscillator.resonance;
                 let gain = (variance(&sway) / of_lead[texture]).sqrt() / limb.tip;
-                Some(Answer { sway, mass, texture, faster, gain })
+                Some(WindResponse { sway, mass, texture, faster, gain })
             };
             let answers = sways.into_iter().enumerate().map(answer).collect();
-            let world = wind.map_or(DVec3::X, crate::manifest::Wind::direction);
+            let world = wind.map_or(DVec3::X, crate::manifest::SceneWind::direction);
             let own = |m: &DMat4, v: DVec3| (DMat3::from_mat4(*m).transpose() * v).normalize_or_zero();
             let towards = p.places.iter().map(|m| [own(m, world), own(m, DVec3::Z)]).collect();
             let load = |(b, limb): (&Branch, &Limb)| if limb.length > 0.0 { b.bending_load / limb.length } else { 0.0 };
             let loads = p.plant.branches.iter().zip(&limbs.0).map(load).collect();
             let seed = seed.wrapping_add((1 + index as u64) << 40);
             moves[index].then(|| {
-                let sections = Sections::new(p, first);
+                let sections = PlantSections::new(p, first);
                 first = sections.end();
                 let kind = manifest.plants[index].flutter.as_ref().and_then(|f| flutters.iter().position(|g| *g == f));
-                let flutter = kind.map(|kind| Fluttering::new(gusts[kind].clone(), world, p));
-                Swaying { limbs, answers, sections, flutter, loads, towards, seed }
+                let flutter = kind.map(|kind| PlacedFlutter::new(gusts[kind].clone(), world, p));
+                SwayingPlant { limbs, answers, sections, flutter, loads, towards, seed }
             })
         });
-        let plants: Vec<Option<Swaying>> = plants.collect();
+        let plants: Vec<Option<SwayingPlant>> = plants.collect();
         bounded(manifest, planted, &plants)?;
         held(manifest, planted, &plants)?;
-        Ok(Some(Winds { plants, motions, gusts, last: Mutex::default() }))
+        Ok(Some(SwayingPlants { plants, motions, gusts, last: Mutex::default() }))
     }
 
     /// Whether anything moves with time. Where it does not, plants are only bent by their loads.
@@ -209,7 +209,7 @@ impl Winds {
     }
 
     /// What bends a branch at a place.
-    fn swing(&self, plant: &Swaying, place: usize, branch: usize) -> Swing {
+    fn swing(&self, plant: &SwayingPlant, place: usize, branch: usize) -> Swing {
         let weight = plant.weight(place, branch);
         let Some(answer) = &plant.answers[branch] else { return Swing { weight, gusts: None } };
         let (limb, motion) = (&plant.limbs.0[branch], &self.motions[answer.texture]);
@@ -229,9 +229,9 @@ impl Winds {
 
     /// The amplitude towards r and s of every branch of every plant at every place, as poses hold it ([`pose::held`]).
     /// The branches of a plant follow each other, place after place. What does not change with time is worked out once.
-    pub fn amplitudes(self: &Arc<Winds>) -> impl Fn(f64) -> Vec<[f32; 2]> + Send + Sync + use<> {
+    pub fn amplitudes(self: &Arc<SwayingPlants>) -> impl Fn(f64) -> Vec<[f32; 2]> + Send + Sync + use<> {
         let winds = self.clone();
-        let of = |(_, swaying, place): (usize, &Swaying, usize)| -> Vec<(Swing, f64)> {
+        let of = |(_, swaying, place): (usize, &SwayingPlant, usize)| -> Vec<(Swing, f64)> {
             let limbs = swaying.limbs.0.iter().enumerate();
             limbs.map(|(k, limb)| (self.swing(swaying, place, k), limb.beam_tip())).collect()
         };
@@ -247,8 +247,8 @@ impl Winds {
             let of = swing.gusts.as_ref()?;
             Some((&self.motions[of.texture], self.motions[of.texture].cell(of.line.at(time))))
         };
-        let cells: Vec<Option<(&Motion, Cell)>> = swings.iter().map(cell).collect();
-        let texels = |of: &Option<(&Motion, Cell)>| of.as_ref().map(|(motion, cell)| motion.texels(cell));
+        let cells: Vec<Option<(&MotionTexture, TextureCell)>> = swings.iter().map(cell).collect();
+        let texels = |of: &Option<(&MotionTexture, TextureCell)>| of.as_ref().map(|(motion, cell)| motion.texels(cell));
         let texels: Vec<Option<[[f32; 2]; 4]>> = cells.iter().map(texels).collect();
         let gusts = cells.iter().zip(&texels).map(|both| match both {
             (Some((_, cell)), Some(texels)) => cell.between(texels),
@@ -260,17 +260,17 @@ impl Winds {
     }
 
     /// Every plant that moves at each of its places: its index, the plant, and the index of the place.
-    pub fn places(&self) -> impl Iterator<Item = (usize, &Swaying, usize)> {
+    pub fn places(&self) -> impl Iterator<Item = (usize, &SwayingPlant, usize)> {
         let plants = self.plants.iter().enumerate().filter_map(|(k, plant)| Some((k, plant.as_ref()?)));
         plants.flat_map(|(k, plant)| (0..plant.towards.len()).map(move |place| (k, plant, place)))
     }
 
     /// The pose of a plant at one of its places and a time (s), in its own frame; `None` where nothing moves it.
     pub fn pose(&self, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
-        self.pose_with(Lengths::Kept, plant, place, time)
+        self.pose_with(LengthConstraint::Kept, plant, place, time)
     }
 
-    fn pose_with(&self, lengths: Lengths, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
+    fn pose_with(&self, lengths: LengthConstraint, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
         let amplitude = |branch| self.amplitude(&self.swing(swaying, place, branch), time);
         let pose = swaying.limbs.pose_with(lengths, amplitude);
@@ -281,7 +281,7 @@ impl Winds {
     }
 }
 
-impl Swaying {
+impl SwayingPlant {
     /// Amplitude of a branch towards r and s of its limb by its stated load. Only the part of the weight across the
     /// branch bends it.
     fn weight(&self, place: usize, branch: usize) -> [f64; 2] {
@@ -291,7 +291,7 @@ impl Swaying {
 }
 
 /// Refuses a stated load that bends a branch farther than a beam bends.
-fn held(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>]) -> Result<()> {
+fn held(manifest: &SceneManifest, planted: &[PlacedPlant], plants: &[Option<SwayingPlant>]) -> Result<()> {
     for (k, swaying) in plants.iter().enumerate() {
         let Some(swaying) = swaying else { continue };
         for branch in (0..swaying.loads.len()).filter(|b| swaying.loads[*b] != 0.0) {
@@ -314,11 +314,11 @@ fn held(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>]) ->
 
 /// All kinds of flutter of a scene, each once.
 fn flutters<'a>(
-    manifest: &'a Manifest,
-    planted: &[Planted],
+    manifest: &'a SceneManifest,
+    planted: &[PlacedPlant],
     sways: &[Vec<Option<(Sway, f64)>>],
-) -> Result<Vec<&'a Flutter>> {
-    let mut out: Vec<&Flutter> = Vec::new();
+) -> Result<Vec<&'a StatedFlutter>> {
+    let mut out: Vec<&StatedFlutter> = Vec::new();
     for (k, ((said, one), sways)) in manifest.plants.iter().zip(planted).zip(sways).enumerate() {
         let Some(flutter) = said.flutter.as_ref().filter(|_| !one.plant.leaves.is_empty()) else { continue };
         if sways.iter().all(Option::is_none) {
@@ -333,7 +333,7 @@ fn flutters<'a>(
 }
 
 /// Refuses too many cross-sections and vertices of bark before any of them are made.
-fn bounded(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>]) -> Result<()> {
+fn bounded(manifest: &SceneManifest, planted: &[PlacedPlant], plants: &[Option<SwayingPlant>]) -> Result<()> {
     let mut bark = 0usize;
     for (k, (one, swaying)) in planted.iter().zip(plants).enumerate() {
         let Some(swaying) = swaying else { continue };
@@ -353,30 +353,31 @@ fn bounded(manifest: &Manifest, planted: &[Planted], plants: &[Option<Swaying>])
 /// Number of times whose sections are kept. A scene has few views.
 const KEPT: usize = 4;
 
-impl Winds {
+impl SwayingPlants {
     /// Number of sections of all plants together.
     pub fn section_count(&self) -> usize {
         self.plants.iter().flatten().map(|s| s.sections.end()).max().unwrap_or(0)
     }
 
     /// All sections of all plants at a time (s), in world space.
-    pub fn sections(&self, time: f64) -> Arc<Vec<Rigid>> {
-        self.sections_with(Lengths::Kept, time)
+    pub fn sections(&self, time: f64) -> Arc<Vec<RigidMotion>> {
+        self.sections_with(LengthConstraint::Kept, time)
     }
 
     /// The same, with lengths of branches kept in this way.
-    pub fn sections_with(&self, lengths: Lengths, time: f64) -> Arc<Vec<Rigid>> {
-        let same = |l: &&(Lengths, f64, Arc<Vec<Rigid>>)| (l.0, l.1) == (lengths, time);
-        let known = |last: &Vec<(Lengths, f64, Arc<Vec<Rigid>>)>| last.iter().find(same).map(|l| l.2.clone());
+    pub fn sections_with(&self, lengths: LengthConstraint, time: f64) -> Arc<Vec<RigidMotion>> {
+        let same = |l: &&(LengthConstraint, f64, Arc<Vec<RigidMotion>>)| (l.0, l.1) == (lengths, time);
+        let known =
+            |last: &Vec<(LengthConstraint, f64, Arc<Vec<RigidMotion>>)>| last.iter().find(same).map(|l| l.2.clone());
         if let Some(found) = self.last.lock().ok().and_then(|last| known(&last)) {
             return found;
         }
-        let of_place = |(plant, swaying, place): (usize, &Swaying, usize)| {
+        let of_place = |(plant, swaying, place): (usize, &SwayingPlant, usize)| {
             let pose = self.pose_with(lengths, plant, place, time);
             pose.map_or_else(Vec::new, |pose| swaying.sections.at(place, &pose))
         };
-        let all: Vec<(usize, &Swaying, usize)> = self.places().collect();
-        let parts: Vec<Vec<Rigid>> = all.into_par_iter().map(of_place).collect();
+        let all: Vec<(usize, &SwayingPlant, usize)> = self.places().collect();
+        let parts: Vec<Vec<RigidMotion>> = all.into_par_iter().map(of_place).collect();
         let made = Arc::new(parts.concat());
         if let Ok(mut last) = self.last.lock() {
             last.truncate(KEPT - 1);

@@ -3,10 +3,10 @@
 use super::*;
 use std::f64::consts::TAU;
 
-pub fn scene(speed: f64) -> (Manifest, Vec<Planted>) {
+pub fn scene(speed: f64) -> (SceneManifest, Vec<PlacedPlant>) {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../data/scenes/plant.toml");
-    let mut manifest = Manifest::read(&root).unwrap();
-    manifest.wind = Some(crate::manifest::Wind {
+    let mut manifest = SceneManifest::read(&root).unwrap();
+    manifest.wind = Some(crate::manifest::SceneWind {
         speed_m_s: speed,
         azimuth_deg: 30.0,
         turbulence: 0.3,
@@ -18,9 +18,9 @@ pub fn scene(speed: f64) -> (Manifest, Vec<Planted>) {
     (manifest, planted)
 }
 
-fn winds(speed: f64) -> (Vec<Planted>, Winds) {
+fn winds(speed: f64) -> (Vec<PlacedPlant>, SwayingPlants) {
     let (manifest, planted) = scene(speed);
-    let winds = Winds::new(&manifest, &planted, &Ledger::new()).unwrap().unwrap();
+    let winds = SwayingPlants::new(&manifest, &planted, &Ledger::new()).unwrap().unwrap();
     println!("{} textures", winds.motions.len());
     (planted, winds)
 }
@@ -85,19 +85,19 @@ fn branches_have_the_spectra_of_their_own_resonance() {
 #[test]
 fn kinds_of_flutter_are_counted() {
     let (mut manifest, mut planted) = scene(4.0);
-    let said = |k: usize| Some(Flutter { deg_per_m_s: 4.0, resonance_hz: 4.0 + 0.01 * k as f64, damping: 0.3 });
+    let said = |k: usize| Some(StatedFlutter { deg_per_m_s: 4.0, resonance_hz: 4.0 + 0.01 * k as f64, damping: 0.3 });
     manifest.plants[0].flutter = said(0);
     manifest.plants = vec![manifest.plants[0].clone(); 22];
     let one = planted.remove(0);
     planted = vec![one; 22];
-    let winds = Winds::new(&manifest, &planted, &Ledger::new()).unwrap().unwrap();
+    let winds = SwayingPlants::new(&manifest, &planted, &Ledger::new()).unwrap().unwrap();
     assert_eq!(winds.gusts.len(), 1);
     assert!(winds.plants.iter().flatten().all(|p| p.flutter.is_some()));
     (0..22).for_each(|k| manifest.plants[k].flutter = said(k));
-    let error = Winds::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
+    let error = SwayingPlants::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
     assert!(error.contains("and of 66 for the flutter of leaves, expected at most 64 in all"), "{error}");
     manifest.plants[0].drag_n_s_m3 = 0.0;
-    let error = Winds::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
+    let error = SwayingPlants::new(&manifest, &planted, &Ledger::new()).unwrap_err().to_string();
     assert!(error.contains("plant 1: flutter: leaves cannot flutter where no branch sways"), "{error}");
 }
 
@@ -107,9 +107,9 @@ fn kinds_of_flutter_are_counted() {
 fn lengths_in_closed_form_are_nearly_kept_in_a_light_wind() {
     let (_, winds) = winds(4.0);
     let kept = winds.sections(2.0);
-    let closed = winds.sections_with(Lengths::ClosedForm, 2.0);
+    let closed = winds.sections_with(LengthConstraint::ClosedForm, 2.0);
     assert_eq!(kept, winds.sections(2.0));
-    let apart = |(a, b): (&Rigid, &Rigid)| a.to.distance(b.to);
+    let apart = |(a, b): (&RigidMotion, &RigidMotion)| a.to.distance(b.to);
     let moved = kept.iter().map(|s| s.to.distance(s.from)).fold(0.0, f64::max);
     let worst = kept.iter().zip(closed.iter()).map(apart).fold(0.0, f64::max);
     assert!(worst > 0.0 && worst < 0.05 * moved, "{worst} mm of {moved} mm");
@@ -145,10 +145,10 @@ fn a_stated_load_bends_a_branch_as_a_beam() {
     };
     manifest.plants[0].rotation_deg = [0.0, 90.0, 0.0];
     manifest.plants[0].branches = vec![told(60.0, 0.4)];
-    let stand = |manifest: &Manifest| {
+    let stand = |manifest: &SceneManifest| {
         let ledger = Ledger::new();
         let planted = crate::placed::plant::planted(manifest, &ledger).unwrap();
-        let winds = Winds::new(manifest, &planted, &ledger).map_err(|e| e.to_string());
+        let winds = SwayingPlants::new(manifest, &planted, &ledger).map_err(|e| e.to_string());
         (planted, winds)
     };
     let (planted, winds) = stand(&manifest);
@@ -190,7 +190,7 @@ fn a_stated_load_bends_a_branch_as_a_beam() {
         let turn = glam::DQuat::from_rotation_z(0.7) * glam::DQuat::from_rotation_y(tilt);
         let upright = glam::DQuat::from_rotation_arc(straight.plant.branches[0].axes[0], DVec3::Z);
         straight.places = vec![DMat4::from_scale_rotation_translation(DVec3::splat(2.0), turn * upright, DVec3::ONE)];
-        let winds = Winds::new(&manifest, &[straight.clone()], &Ledger::new()).unwrap().unwrap();
+        let winds = SwayingPlants::new(&manifest, &[straight.clone()], &Ledger::new()).unwrap().unwrap();
         assert!(!winds.sways());
         let place = straight.places[0];
         let tip = place.transform_point3(winds.pose(0, 0, 0.0).unwrap().tip(0));
@@ -208,7 +208,7 @@ fn a_stated_load_bends_a_branch_as_a_beam() {
     let whole = straight.plant.branches[0].length();
     straight.plant.branches[0].bending_load = 0.9 * whole / mesophyll_plants::mechanics::beam::deflection(0.4, 1.0);
     straight.places = vec![DMat4::from_rotation_x(1.2)];
-    let said = Winds::new(&manifest, &[straight], &Ledger::new()).map(|_| ()).unwrap_err().to_string();
+    let said = SwayingPlants::new(&manifest, &[straight], &Ledger::new()).map(|_| ()).unwrap_err().to_string();
     assert!(said.contains("expected at most 0.75"), "{said}");
     for (own, expected) in [
         (told(1.0, 1.0), "plant 1: branch.name: found \"bough\", expected a branch of the plant (trunk"),

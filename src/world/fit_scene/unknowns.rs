@@ -1,0 +1,351 @@
+//! The unknown numbers of a scene: what they are called, where they start, between which limits they lie, and the world
+//! that they make.
+
+use crate::{Error, Result};
+use glam::DVec3;
+use mesophyll_scene::draw::reference;
+use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::{SceneManifest, SkyModel, StatedUnknowns};
+use mesophyll_transport::RadianceAt;
+use mesophyll_transport::path::slopes::RadianceParameter;
+use mesophyll_transport::world::{ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceWorld};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The channels' names.
+pub const CHANNELS: [&str; 3] = ["R", "G", "B"];
+/// Half of the step by which turbidity is moved to find the sky's derivative.
+const TURBIDITY_STEP: f64 = 0.02;
+
+/// What an unknown belongs to.
+#[derive(Debug, Clone, PartialEq)]
+pub enum UnknownKind {
+    /// ρd of a leaf of the world, of the back or the front.
+    RhoD(usize, bool),
+    /// ρd of a leaf of discs, whose two sides nothing tells apart.
+    RhoDBoth(usize),
+    /// ρt of a leaf.
+    RhoT(usize),
+    /// ρs of a leaf.
+    RhoS(usize),
+    /// m of a leaf.
+    Slope(usize),
+    /// Albedo of the ground, by its leaf of the world.
+    Ground(usize),
+    /// Irradiance of the sun.
+    Sun,
+    /// Factor of the sky's radiance.
+    SkyScale,
+    /// Turbidity of a physical sky.
+    Turbidity,
+    /// Factor of the pictures with this name.
+    Exposure(String),
+}
+
+/// An unknown: three numbers, one a channel, or one for all channels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnknownQuantity {
+    /// What it is.
+    pub kind: UnknownKind,
+    /// Its name; a channel's number has `.R`, `.G` or `.B` after it.
+    pub name: String,
+    /// One number, or one a channel.
+    pub at: Vec<f64>,
+    /// The least value, and the largest of each number.
+    pub low: f64,
+    /// See `low`.
+    pub high: Vec<f64>,
+}
+
+impl UnknownQuantity {
+    /// Whether a step is judged relative to the value, as for factors of light.
+    pub fn is_factor(&self) -> bool {
+        matches!(
+            self.kind,
+            UnknownKind::Sun
+                | UnknownKind::SkyScale
+                | UnknownKind::Exposure(_)
+                | UnknownKind::Turbidity
+                | UnknownKind::Slope(_)
+        )
+    }
+
+    /// Names of its numbers.
+    pub fn names(&self) -> Vec<String> {
+        match self.at.len() {
+            1 => vec![self.name.clone()],
+            _ => CHANNELS.iter().map(|c| format!("{}.{c}", self.name)).collect(),
+        }
+    }
+}
+
+/// A scene with unknown numbers.
+pub struct SceneUnknowns {
+    /// The scene's own world, whose numbers are replaced.
+    world: ReferenceWorld,
+    manifest: SceneManifest,
+    /// Names of the world's leaves, as far as they are leaves.
+    leaves: Vec<String>,
+    /// The unknowns.
+    pub list: Vec<UnknownQuantity>,
+}
+
+impl SceneUnknowns {
+    /// The unknowns of a scene, at the values that it states. `groups` are the names of unknown exposures.
+    ///
+    /// # Errors
+    /// Those of the scene's light, for a physical sky that its model refuses.
+    pub fn new(scene: &LoadedScene, world: ReferenceWorld, groups: &[String]) -> Result<SceneUnknowns> {
+        let manifest = &scene.manifest;
+        let none = StatedUnknowns::default();
+        let unknown = manifest.unknown.as_ref().unwrap_or(&none);
+        let index: BTreeMap<&str, usize> =
+            scene.drawn().enumerate().map(|(k, leaf)| (leaf.config.name.as_str(), k)).collect();
+        let mut list = Vec::new();
+        let mut add = |kind, name: String, at: Vec<f64>, [low, high]: [f64; 2]| {
+            let high = vec![high; at.len()];
+            list.push(UnknownQuantity { kind, name, at, low, high });
+        };
+        for (name, asked) in &unknown.leaves {
+            let (Some(k), Some(leaf)) = (index.get(name.as_str()), manifest.leaves.iter().find(|l| l.name == *name))
+            else {
+                let what = "found a leaf that stands nowhere in the scene, expected one that pictures could show";
+                return Err(Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what));
+            };
+            let Some(stated) = &leaf.uniform else { continue };
+            for what in asked {
+                let own = format!("leaf.{name}.{what}");
+                match what.as_str() {
+                    "rho_d" if leaf.discs.is_some() => {
+                        let [front, back] = stated.rho_d;
+                        let mean = [0, 1, 2].map(|c| 0.5 * (front[c] + back[c])).to_vec();
+                        add(UnknownKind::RhoDBoth(*k), own, mean, [0.0, 1.0]);
+                    }
+                    "rho_d" => {
+                        for (back, side) in [(false, "front"), (true, "back")] {
+                            let at = stated.rho_d[usize::from(back)].to_vec();
+                            add(UnknownKind::RhoD(*k, back), format!("leaf.{name}.{side}.rho_d"), at, [0.0, 1.0]);
+                        }
+                    }
+                    "rho_t" => add(UnknownKind::RhoT(*k), own, stated.rho_t.to_vec(), [0.0, 1.0]),
+                    "rho_s" => add(UnknownKind::RhoS(*k), own, stated.rho_s.unwrap_or([0.02; 3]).to_vec(), [0.0, 1.0]),
+                    _ => add(UnknownKind::Slope(*k), own, vec![stated.m], [0.02, 1.0]),
+                }
+            }
+        }
+        if let (Some(ground), false) = (world.ground, unknown.ground.is_empty()) {
+            let albedo = manifest.ground.as_ref().map_or([0.0; 3], |g| g.albedo);
+            add(UnknownKind::Ground(world.instances[ground].leaf), "ground.albedo".into(), albedo.to_vec(), [0.0, 1.0]);
+        }
+        if let (Some(sun), false) = (&world.sun, unknown.sun.is_empty()) {
+            add(UnknownKind::Sun, "sun.irradiance".into(), sun.irradiance.to_vec(), [1e-9, f64::INFINITY]);
+        }
+        for what in &unknown.sky {
+            let sky = manifest.sky.as_ref();
+            match what.as_str() {
+                "scale" => {
+                    let at = sky.and_then(|s| s.scale).unwrap_or(1.0);
+                    add(UnknownKind::SkyScale, "sky.scale".into(), vec![at], [1e-9, f64::INFINITY]);
+                }
+                _ => {
+                    let at = sky.and_then(|s| s.turbidity).unwrap_or(3.0);
+                    let hosek = sky.and_then(|s| s.model) == Some(SkyModel::HosekWilkie);
+                    let low = if hosek { 1.0 } else { 1.7 };
+                    add(UnknownKind::Turbidity, "sky.turbidity".into(), vec![at], [low, 10.0]);
+                }
+            }
+        }
+        for group in groups {
+            add(UnknownKind::Exposure(group.clone()), format!("exposure.{group}"), vec![1.0], [1e-9, f64::INFINITY]);
+        }
+        // What a side reflects and lets through is at most all of the light.
+        for q in &mut list {
+            let (leaf, mine) = match q.kind {
+                UnknownKind::RhoD(leaf, back) => (leaf, Some(back)),
+                UnknownKind::RhoT(leaf) => (leaf, None),
+                _ => continue,
+            };
+            let Some((name, _)) = index.iter().find(|(_, k)| **k == leaf) else { continue };
+            let asked = |what: &str| unknown.leaves.get(*name).is_some_and(|list| list.iter().any(|n| n == what));
+            let Some(stated) = manifest.leaves.iter().find(|l| l.name == **name).and_then(|l| l.uniform.as_ref())
+            else {
+                continue;
+            };
+            for (c, high) in q.high.iter_mut().enumerate() {
+                let rest = match mine {
+                    Some(_) if !asked("rho_t") => stated.rho_t[c],
+                    None if !asked("rho_d") => stated.rho_d[0][c].max(stated.rho_d[1][c]),
+                    _ => 0.0,
+                };
+                *high = (1.0 - rest).max(0.0);
+            }
+        }
+        let leaves = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
+        Ok(SceneUnknowns { world, manifest: manifest.clone(), leaves, list })
+    }
+
+    /// Index of the first number of each unknown, and how many there are in all.
+    pub fn places(&self) -> (Vec<usize>, usize) {
+        let mut count = 0;
+        let first = self.list.iter().map(|q| (count, count += q.at.len()).0).collect();
+        (first, count)
+    }
+
+    /// The name of a leaf of the world.
+    pub fn leaf_name(&self, leaf: usize) -> String {
+        self.leaves.get(leaf).cloned().unwrap_or_default()
+    }
+
+    /// Sets all numbers.
+    pub fn set(&mut self, values: &[f64]) {
+        let mut values = values.iter();
+        self.list.iter_mut().flat_map(|q| &mut q.at).zip(&mut values).for_each(|(at, v)| *at = *v);
+    }
+
+    /// All numbers, in the order of the unknowns.
+    pub fn values(&self) -> Vec<f64> {
+        self.list.iter().flat_map(|q| q.at.clone()).collect()
+    }
+
+    fn find(&self, kind: &UnknownKind) -> Option<&UnknownQuantity> {
+        self.list.iter().find(|q| q.kind == *kind)
+    }
+
+    /// The manifest with the present numbers of light.
+    fn lit(&self, turbidity: Option<f64>) -> SceneManifest {
+        let mut out = self.manifest.clone();
+        let three = |q: &UnknownQuantity| [q.at[0], q.at[1], q.at[2]];
+        if let (Some(sun), Some(q)) = (&mut out.sun, self.find(&UnknownKind::Sun)) {
+            sun.irradiance = Some(three(q));
+        }
+        if let Some(sky) = &mut out.sky {
+            let turbidity = turbidity.or_else(|| Some(self.find(&UnknownKind::Turbidity)?.at[0]));
+            sky.turbidity = turbidity.or(sky.turbidity);
+            if let Some(q) = self.find(&UnknownKind::SkyScale) {
+                match &mut sky.radiance {
+                    Some(radiance) => *radiance = radiance.map(|v| v * q.at[0]),
+                    None => sky.scale = Some(q.at[0]),
+                }
+            }
+        }
+        out
+    }
+
+    /// Sun and sky of a manifest, as the world has them.
+    fn lights(&self, manifest: &SceneManifest) -> Result<ReferenceWorld> {
+        let mut out = reference::lights(manifest)?;
+        out.environment = self.world.environment.clone();
+        if let (Some(map), Some(q)) = (&out.environment, self.find(&UnknownKind::SkyScale)) {
+            let stated = self.manifest.sky.as_ref().and_then(|s| s.scale).unwrap_or(1.0);
+            let scaled = (**map).clone().placed(0.0, q.at[0] / stated);
+            let scaled = scaled.map_err(|what| Error::field(&manifest.path, "sky.scale", what))?;
+            out.environment = Some(Arc::new(scaled));
+        }
+        if out.environment.is_some() {
+            out.dome = None;
+            out.sun = self.world.sun.is_some().then_some(out.sun).flatten();
+        }
+        Ok(out)
+    }
+
+    /// The world with the present numbers.
+    ///
+    /// # Errors
+    /// Those of a physical sky that its model refuses.
+    pub fn world(&self) -> Result<ReferenceWorld> {
+        let lights = self.lights(&self.lit(None))?;
+        let mut out = self.world.clone();
+        (out.sun, out.sky, out.dome, out.environment) = (lights.sun, lights.sky, lights.dome, lights.environment);
+        for q in &self.list {
+            let map = || [0, 1, 2].map(|c| vec![q.at[c.min(q.at.len() - 1)] as f32]);
+            match &q.kind {
+                UnknownKind::RhoD(leaf, back) => interior(&mut out.leaves[*leaf], *back, |rho_d, _| *rho_d = map()),
+                UnknownKind::RhoDBoth(leaf) => [false, true].into_iter().for_each(|back| {
+                    interior(&mut out.leaves[*leaf], back, |rho_d, _| *rho_d = map());
+                }),
+                UnknownKind::Ground(leaf) => interior(&mut out.leaves[*leaf], false, |rho_d, _| *rho_d = map()),
+                UnknownKind::RhoT(leaf) => {
+                    [false, true].into_iter().for_each(|back| {
+                        interior(&mut out.leaves[*leaf], back, |_, rho_t| *rho_t = map());
+                    });
+                }
+                UnknownKind::RhoS(leaf) => self.gloss(&mut out, *leaf, |gloss| gloss.rho_s = map()),
+                UnknownKind::Slope(leaf) => self.gloss(&mut out, *leaf, |gloss| gloss.m = vec![q.at[0] as f32]),
+                _ => {}
+            }
+        }
+        Ok(out)
+    }
+
+    /// Changes the gloss of both sides; a matte side gets one that reflects nothing first, of the slope that the scene
+    /// states.
+    fn gloss(&self, world: &mut ReferenceWorld, leaf: usize, change: impl Fn(&mut ReferenceGloss)) {
+        let stated = self.manifest.leaves.iter().find(|l| l.name == self.leaf_name(leaf));
+        let m = stated.and_then(|l| l.uniform.as_ref()).map_or(0.2, |u| u.m);
+        let of = &mut world.leaves[leaf];
+        for side in [&mut of.front, &mut of.back] {
+            let none = || ReferenceGloss { rho_s: [0, 1, 2].map(|_| vec![0.0]), m: vec![m as f32] };
+            change(side.gloss.get_or_insert_with(none));
+        }
+    }
+
+    /// What pictures of the world are differentiated by, each with the index of its unknown. An exposure has none, and
+    /// an unknown of two sides has two.
+    ///
+    /// # Errors
+    /// Those of a physical sky that its model refuses.
+    pub fn slopes(&self) -> Result<Vec<(usize, RadianceParameter)>> {
+        let mut out = Vec::new();
+        for (k, q) in self.list.iter().enumerate() {
+            let of = match &q.kind {
+                UnknownKind::RhoD(leaf, back) => RadianceParameter::RhoD { leaf: *leaf, back: *back },
+                UnknownKind::RhoDBoth(leaf) => {
+                    out.push((k, RadianceParameter::RhoD { leaf: *leaf, back: false }));
+                    RadianceParameter::RhoD { leaf: *leaf, back: true }
+                }
+                UnknownKind::Ground(leaf) => RadianceParameter::RhoD { leaf: *leaf, back: false },
+                UnknownKind::RhoT(leaf) => RadianceParameter::RhoT(*leaf),
+                UnknownKind::RhoS(leaf) => RadianceParameter::RhoS(*leaf),
+                UnknownKind::Slope(leaf) => RadianceParameter::Slope(*leaf),
+                UnknownKind::Sun => RadianceParameter::Light { sky: None, sun: [1.0; 3] },
+                UnknownKind::SkyScale => {
+                    let lights = self.lights(&self.lit(None))?;
+                    let own = self.find(&UnknownKind::Sun).is_some()
+                        || self.manifest.sun.as_ref().is_none_or(|sun| sun.irradiance.is_some());
+                    // The sun of a physical sky has the sky's unit.
+                    let sun = lights.sun.as_ref().filter(|_| !own).map_or([0.0; 3], |s| s.irradiance);
+                    let at = q.at[0];
+                    RadianceParameter::Light { sky: Some(radiance(lights, 1.0 / at)), sun: sun.map(|v| v / at) }
+                }
+                UnknownKind::Turbidity => {
+                    let [a, b] = [-1.0, 1.0].map(|s| (q.at[0] + s * TURBIDITY_STEP).clamp(q.low, q.high[0]));
+                    let [below, above] = [a, b].map(|t| self.lights(&self.lit(Some(t))));
+                    let (below, above, over) = (below?, above?, 1.0 / (b - a));
+                    let irradiance = |w: &ReferenceWorld| w.sun.as_ref().map_or([0.0; 3], |s| s.irradiance);
+                    let [low, high] = [irradiance(&below), irradiance(&above)];
+                    let (low_at, high_at) = (radiance(below, over), radiance(above, over));
+                    let sky: RadianceAt = Arc::new(move |d: DVec3| {
+                        let (low, high) = (low_at(d), high_at(d));
+                        [0, 1, 2].map(|c| high[c] - low[c])
+                    });
+                    RadianceParameter::Light { sky: Some(sky), sun: [0, 1, 2].map(|c| (high[c] - low[c]) * over) }
+                }
+                UnknownKind::Exposure(_) => continue,
+            };
+            out.push((k, of));
+        }
+        Ok(out)
+    }
+}
+
+/// The sky's radiance times a factor.
+fn radiance(world: ReferenceWorld, factor: f64) -> RadianceAt {
+    Arc::new(move |d: DVec3| world.sky_radiance(d).map(|v| v.max(0.0) * factor))
+}
+
+fn interior(leaf: &mut ReferenceLeaf, back: bool, change: impl FnOnce(&mut [Vec<f32>; 3], &mut [Vec<f32>; 3])) {
+    let side = if back { &mut leaf.back } else { &mut leaf.front };
+    if let ReferenceInterior::Maps { rho_d, rho_t } = &mut side.interior {
+        change(rho_d, rho_t);
+    }
+}

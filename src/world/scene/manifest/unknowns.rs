@@ -1,0 +1,195 @@
+//! What was measured of a scene, and which of its numbers are unknown: the tables that `fit scene` reads.
+
+use crate::manifest::{Result, SceneManifest, ViewKind};
+use mesophyll_base::error::{Error, Fault};
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+/// A picture that a camera of the scene took.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StatedPhotograph {
+    /// The perspective view whose camera took it.
+    pub view: String,
+    /// Linear radiance in the scene's units: OpenEXR with R, G, B, and the standard errors error.R, error.G, error.B
+    /// where there are any.
+    pub file: PathBuf,
+    /// Relative standard deviation of a pixel, for a file without errors; beside errors both add as squares.
+    pub noise: Option<f64>,
+    /// Standard deviation of a pixel where it is dark, in the scene's units; it adds as squares too.
+    pub noise_floor: Option<f64>,
+    /// A picture of the same size; pixels where its channel Y (or R) is at least ½ count. All count when absent.
+    pub mask: Option<PathBuf>,
+    /// Name of an unknown factor that all pictures with this name share: the picture shows the factor times the
+    /// radiance. Without it the picture is in the scene's units.
+    pub exposure: Option<String>,
+    /// Whether the picture is kept from the fit and only predicted.
+    #[serde(default)]
+    pub held_out: bool,
+}
+
+/// Reflectance factors of a scene that repeats, as `eval canopy` computes them.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StatedFactors {
+    /// A table: view_zenith_deg, view_azimuth_deg (in the sun's plane without it), and brf_r, brf_g, brf_b, with their
+    /// standard errors brf_r_err, brf_g_err, brf_b_err where there are any.
+    pub file: PathBuf,
+    /// Relative standard deviation of a factor; beside errors both add as squares.
+    pub noise: Option<f64>,
+    /// Whether the table is kept from the fit and only predicted.
+    #[serde(default)]
+    pub held_out: bool,
+}
+
+/// The numbers of the scene that are unknown. The scene's own values are where the fit starts.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StatedUnknowns {
+    /// For each leaf, by its name: `rho_d`, `rho_t`, `rho_s`, `m`.
+    pub leaves: BTreeMap<String, Vec<String>>,
+    /// `albedo`.
+    pub ground: Vec<String>,
+    /// `scale`, `turbidity`.
+    pub sky: Vec<String>,
+    /// `irradiance`.
+    pub sun: Vec<String>,
+}
+
+/// Numbers that leaves, ground, sky and sun have.
+pub const OF_LEAVES: [&str; 4] = ["rho_d", "rho_t", "rho_s", "m"];
+/// Numbers of a leaf that pictures of a scene do not give yet, and what does.
+const ELSEWHERE: [(&str, &str); 4] = [
+    ("sigma_a", "`fit slab` finds it from rho_d and rho_t and the thickness"),
+    ("sigma_s", "`fit slab` finds it from rho_d and rho_t and the thickness"),
+    ("thickness_mm", "`fit slab` finds it from rho_d and rho_t"),
+    ("chlorophyll", "`fit foliar` finds it from a spectrum"),
+];
+
+impl SceneManifest {
+    /// Checks the tables of what was measured and of what is unknown, for a fit from pictures.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for the first table that says something impossible, and where there is nothing to fit or
+    /// nothing that was measured.
+    pub fn require_pictures(&self) -> Result<()> {
+        let bad = |field: &str, what: String| {
+            Err(Error::Input {
+                file: self.path.display().to_string(),
+                line: None,
+                field: Some(field.into()),
+                fault: Fault::Other(what),
+            })
+        };
+        let fitted = self.taken.iter().any(|p| !p.held_out) || self.factors.iter().any(|f| !f.held_out);
+        if !fitted {
+            return bad("picture", "missing; expected at least one [[picture]] or [[brf]] that is not held out".into());
+        }
+        let Some(unknown) = self.unknown.as_ref().filter(|u| u.count() > 0) else {
+            return bad("unknown", "missing; expected an [unknown] with at least one number".into());
+        };
+        for (k, picture) in self.taken.iter().enumerate() {
+            let field = |key: &str| format!("picture[{k}].{key}");
+            let found = self.views.iter().find(|v| v.name == picture.view);
+            let cameras = || {
+                let names = self.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| v.name.as_str());
+                format!("one of the scene's perspective views ({})", names.collect::<Vec<_>>().join(", "))
+            };
+            if found.is_none_or(|view| view.kind != ViewKind::Perspective) {
+                return bad(&field("view"), format!("found \"{}\", expected {}", picture.view, cameras()));
+            }
+            if let Some(twin) = self.taken[..k].iter().position(|other| other.file == picture.file) {
+                let what = format!("{} is that of picture[{twin}] too, expected each once", picture.file.display());
+                return bad(&field("file"), what);
+            }
+            if let Some(floor) = picture.noise_floor.filter(|n| !(*n >= 0.0 && n.is_finite())) {
+                return bad(&field("noise_floor"), format!("found {floor}, expected a radiance of at least 0"));
+            }
+            if let Some(noise) = picture.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
+                return bad(&field("noise"), format!("found {noise}, expected a share above 0 and below 1"));
+            }
+        }
+        for (k, factors) in self.factors.iter().enumerate() {
+            if let Some(noise) = factors.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
+                return bad(&format!("brf[{k}].noise"), format!("found {noise}, expected a share above 0 and below 1"));
+            }
+        }
+        if let (false, Some((name, _))) = (
+            self.factors.is_empty(),
+            [("sun", &unknown.sun), ("sky", &unknown.sky)].into_iter().find(|(_, list)| !list.is_empty()),
+        ) {
+            let what =
+                "given beside a [[brf]]; reflectance factors are of the sun's light alone, whatever its irradiance";
+            return bad(&format!("unknown.{name}"), what.into());
+        }
+        for (name, numbers) in &unknown.leaves {
+            let field = format!("unknown.leaves.{name}");
+            let Some(leaf) = self.leaves.iter().find(|leaf| leaf.name == *name) else {
+                let names: Vec<&str> = self.leaves.iter().map(|leaf| leaf.name.as_str()).collect();
+                return bad(&field, format!("found no leaf of this name, expected one of {}", names.join(", ")));
+            };
+            for number in numbers {
+                if let Some((_, how)) = ELSEWHERE.iter().find(|(own, _)| own == number) {
+                    return bad(&field, format!("found \"{number}\", which pictures of a scene do not give; {how}"));
+                }
+                if !OF_LEAVES.contains(&number.as_str()) {
+                    return bad(&field, format!("found \"{number}\", expected some of {}", OF_LEAVES.join(", ")));
+                }
+            }
+            let twin = self.leaves.iter().find(|other| other.like.as_ref() == Some(name));
+            if let Some(other) = leaf.like.as_ref().or(twin.map(|twin| &twin.name)) {
+                let what = format!("found a leaf that shares its numbers with \"{other}\" (like), expected one alone");
+                return bad(&field, what);
+            }
+            if leaf.layers.is_some() {
+                let what =
+                    "found a leaf of layers, expected one with `uniform`; `fit foliar` finds layers from spectra";
+                return bad(&field, what.into());
+            }
+            if leaf.uniform.is_none() {
+                let what =
+                    "found a leaf with a fit of its own, expected one with `uniform`, which is the same everywhere";
+                return bad(&field, what.into());
+            }
+        }
+        let lists = [
+            ("ground", &unknown.ground, &["albedo"][..], self.ground.is_some(), "[ground]"),
+            ("sky", &unknown.sky, &["scale", "turbidity"], self.sky.is_some(), "[sky]"),
+            ("sun", &unknown.sun, &["irradiance"], self.sun.is_some(), "[sun]"),
+        ];
+        for (name, asked, known, there, table) in lists {
+            let field = format!("unknown.{name}");
+            if let Some(number) = asked.iter().find(|n| !known.contains(&n.as_str())) {
+                return bad(&field, format!("found \"{number}\", expected some of {}", known.join(", ")));
+            }
+            if !asked.is_empty() && !there {
+                return bad(&field, format!("given, but the scene has no {table}"));
+            }
+        }
+        let turbidity = unknown.sky.iter().any(|n| n == "turbidity");
+        if turbidity && self.sky.as_ref().is_none_or(|sky| sky.turbidity.is_none()) {
+            return bad("unknown.sky", "found \"turbidity\", but the sky has none; expected one with a `model`".into());
+        }
+        if self.ground.as_ref().is_some_and(|g| g.grain_mm.is_some()) && !unknown.ground.is_empty() {
+            return bad("unknown.ground", "given, but the ground has a grain; expected an even ground".into());
+        }
+        let mut seen = BTreeSet::new();
+        let twice = unknown.all().find(|name| !seen.insert(name.clone()));
+        twice.map_or(Ok(()), |name| bad("unknown", format!("{name} is given twice, expected each once")))
+    }
+}
+
+impl StatedUnknowns {
+    fn all(&self) -> impl Iterator<Item = String> + '_ {
+        let leaves = self.leaves.iter().flat_map(|(leaf, list)| list.iter().map(move |n| format!("leaves.{leaf}.{n}")));
+        let [ground, sky, sun] = [("ground", &self.ground), ("sky", &self.sky), ("sun", &self.sun)]
+            .map(|(name, list)| list.iter().map(move |n| format!("{name}.{n}")));
+        leaves.chain(ground).chain(sky).chain(sun)
+    }
+
+    /// How many quantities are unknown; one of three channels counts once.
+    pub fn count(&self) -> usize {
+        self.all().count()
+    }
+}
