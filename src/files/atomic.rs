@@ -30,7 +30,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write(path, |w| w.write_all(bytes))
 }
 
-/// A file that is written under a temporary name; [`Pending::finish`] gives it its own name. Devices and pipes
+/// A file that is written under a temporary name; [`PendingFile::finish`] gives it its own name. Devices and pipes
 /// (`/dev/null`, a FIFO) are written in place, because a rename would replace them. For a symbolic link, the file that
 /// it leads to is written, and the link stays. A new file gets the mode that the umask leaves; a replaced file keeps
 /// its mode.

@@ -10,7 +10,7 @@ pub fn bytes(data: &[u8]) -> String {
     blake3::hash(data).to_hex().to_string()
 }
 
-/// Hash of a file's content, streamed. Of a pipe or a device no more is read than [`whole::bytes`] does.
+/// Hash of a file's content, streamed. Of a pipe or a device no more is read than [`whole_file::bytes`] does.
 pub fn file(path: &Path) -> Result<String> {
     if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
         return Ok(bytes(&whole_file::bytes(path, whole_file::MOST_DATA)?));

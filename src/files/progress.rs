@@ -1,8 +1,8 @@
 //! Progress on stderr for everything that takes long: bars with the time left on a terminal, otherwise a line every ten
 //! seconds, and nothing with `--quiet`.
 //!
-//! Running work is a stack of [`Bar`]s. The innermost one says what is being done and how far it is; the outermost is
-//! the verb.
+//! Running work is a stack of [`TaskProgress`]s. The innermost one says what is being done and how far it is; the
+//! outermost is the verb.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -125,7 +125,7 @@ impl ChannelMaps {
         self.plane(quantity, 0)
     }
 
-    /// As [`Maps::three`].
+    /// As [`ChannelMaps::three`].
     ///
     /// # Errors
     /// [`Error::Input`] that names the file, the channel that is missing and those that are there.
@@ -134,10 +134,10 @@ impl ChannelMaps {
         Ok([plane(0)?, plane(1)?, plane(2)?])
     }
 
-    /// As [`Maps::scalar`].
+    /// As [`ChannelMaps::scalar`].
     ///
     /// # Errors
-    /// As [`Maps::require_three`].
+    /// As [`ChannelMaps::require_three`].
     pub fn require_scalar(&self, path: &Path, quantity: Quantity) -> Result<&[f32]> {
         self.require(path, &quantity.channel(0))
     }
@@ -145,7 +145,7 @@ impl ChannelMaps {
     /// The channels of several quantities, one after another, to be changed.
     ///
     /// # Errors
-    /// As [`Maps::require_three`].
+    /// As [`ChannelMaps::require_three`].
     pub fn require_planes(&self, path: &Path, quantities: &[Quantity]) -> Result<Vec<Vec<f32>>> {
         channels(quantities).iter().map(|name| self.require(path, name).map(<[f32]>::to_vec)).collect()
     }

@@ -2,7 +2,7 @@
 //! images that are read back as they were written.
 
 use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
-use mesophyll::files::table::{self, BatchSpec, InputTable, OutputRow, TableOutput};
+use mesophyll::files::table::{self, BatchSpec, InputRow, InputTable, OutputRow, TableOutput};
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::slab::{self, inverse, medium};
 use proptest::prelude::*;
@@ -101,7 +101,8 @@ proptest! {
         let out = dir.path().join("out.csv");
         let spec = BatchSpec { required: vec!["x".into()], outputs: vec!["same".into()], ..BatchSpec::default() };
         let input = InputTable::from_reader(Box::new(std::io::Cursor::new(bytes)), "in.csv".into()).unwrap();
-        table::run(input, &TableOutput::csv(&out), &spec, |row, out| out.push(OutputRow::ok(vec![row.get(0)]))).unwrap();
+        let copied = |row: &InputRow, out: &mut Vec<OutputRow>| out.push(OutputRow::ok(vec![row.get(0)]));
+        table::run(input, &TableOutput::csv(&out), &spec, copied).unwrap();
         let mut again = csv::Reader::from_path(&out).unwrap();
         let found: Vec<(f64, String)> = again.records().map(|r| r.unwrap()).map(|r| (r[2].parse().unwrap(),
             r[0].to_string())).collect();

@@ -56,7 +56,8 @@ pub(crate) fn coefficients(dome: &SkyDome) -> [[f32; 4]; MOST_BANDS * MOST_BANDS
     out
 }
 
-/// The mean direction of a lobe and its weights of bands 1 to 6, on the same grid as [`crate::lobe::AlbedoTable`].
+/// The mean direction of a lobe and its weights of bands 1 to 6, on the same grid as
+/// [`crate::lobe::ShaderAlbedoTable`].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct MeanTable {
     pub m_min: f64,

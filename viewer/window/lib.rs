@@ -1,4 +1,4 @@
-//! The window: the renderer's live picture and, beside it, the controls for the user. [`Stage`] draws both into a
+//! The window: the renderer's live picture and, beside it, the controls for the user. [`WindowStage`] draws both into a
 //! texture, with or without a display, and [`open_window`] shows that texture on screen. An [`editor::Editor`] computes
 //! what a change means for the leaf.
 

@@ -2,15 +2,16 @@
 //!
 //! A problem of fixed size keeps everything on the stack. The problem defines what a point holds, how a step is made
 //! under a damping, and which of two points is better. The loop decides what is tried next and what is kept, and it
-//! allocates nothing. Its reaction to a rejected step is one of the few strategies in [`Control`]; the certified
+//! allocates nothing. Its reaction to a rejected step is one of the few strategies in [`DampingControl`]; the certified
 //! problems of NIST are run with each of them. For fits with many residuals, [`super::lm`] is the solver.
 //!
 //! D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", J. SIAM 11 (1963), 431–441.
 
 use super::trace::Termination;
 
-/// A function to minimise, with its steps. The order of the calls is: [`Damped::linearise`] once at a point, then for
-/// each try [`Damped::step`], [`Damped::end`], [`Damped::take`], [`Damped::better`].
+/// A function to minimise, with its steps. The order of the calls is: [`DampedProblem::linearise`] once at a point,
+/// then for each try [`DampedProblem::step`], [`DampedProblem::end`], [`DampedProblem::take`],
+/// [`DampedProblem::better`].
 pub trait DampedProblem {
     /// A place, with everything that is known there.
     type Point;
@@ -94,7 +95,7 @@ impl DampingControl {
 const FIRST: f64 = 1e-3;
 
 /// Descends from `at`. Ends by the problem's own tests, as [`Termination::NotFinite`] where a step is not finite, as
-/// [`Termination::NoProgress`] where no damping that [`Control`] allows gave a better point, or as
+/// [`Termination::NoProgress`] where no damping that [`DampingControl`] allows gave a better point, or as
 /// [`Termination::IterationLimit`].
 pub fn minimize<P: DampedProblem>(
     problem: &mut P,

@@ -11,8 +11,8 @@ use std::time::Instant;
 /// Solves min Σ ((A x − b)/σ)².
 ///
 /// `a`: m × n. `b`: m values. `sigma`: standard errors of `b` (m values, positive), or empty for equal weights. A σ of
-/// infinity drops its row. With [`Noise::Known`] the errors are those that `sigma` implies (1 where empty); with
-/// [`Noise::Estimated`] they are scaled by the reduced χ².
+/// infinity drops its row. With [`ResidualNoise::Known`] the errors are those that `sigma` implies (1 where empty);
+/// with [`ResidualNoise::Estimated`] they are scaled by the reduced χ².
 ///
 /// Columns may have any scale. Where the columns are dependent, the solution is the shortest one in column-scaled
 /// coordinates. The parameters that take part in an undetermined direction are then NaN with infinite errors, while

@@ -1,5 +1,5 @@
-//! Householder QR over any [`Number`], column by column in one flat slice (column-major). Small dense problems: up to a
-//! few dozen columns.
+//! Householder QR over any [`MatrixScalar`], column by column in one flat slice (column-major). Small dense problems:
+//! up to a few dozen columns.
 //!
 //! G. H. Golub, "Numerical methods for solving linear least squares problems", Numer. Math. 7 (1965), 206–216.
 

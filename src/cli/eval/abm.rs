@@ -69,7 +69,7 @@ struct Case<'a> {
 }
 
 impl Reader<'_> {
-    /// Position of a column in [`Row::get`].
+    /// Position of a column in [`InputRow::get`].
     fn place(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|n| n == name)
     }

@@ -41,7 +41,8 @@ pub struct Args {
     #[arg(long, value_name = "A", default_value_t = 0.0)]
     ground: f64,
     /// How pixels map to directions
-    #[arg(long, value_parser = named::<PanoramaProjectionKind>(), default_value_t = PanoramaProjectionKind::Equirectangular)]
+    #[arg(long, value_parser = named::<PanoramaProjectionKind>(),
+        default_value_t = PanoramaProjectionKind::Equirectangular)]
     projection: PanoramaProjectionKind,
     /// With --projection fisheye: the whole angle across the circle
     #[arg(long, value_name = "DEG", default_value_t = 180.0)]

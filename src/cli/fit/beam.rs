@@ -41,7 +41,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["basis", "pictures", "input"])]
     deflections: Option<PathBuf>,
     /// With --deflections: what positions were measured along
-    #[arg(long, value_parser = named::<PositionReference>(), default_value_t = PositionReference::Branch, requires = "deflections")]
+    #[arg(long, value_parser = named::<PositionReference>(), default_value_t = PositionReference::Branch,
+        requires = "deflections")]
     positions: PositionReference,
     /// With --deflections: how the load hangs on the branch: tip, even (along the branch), own-weight (in proportion to
     /// the cross-section), or the distance of a single load from the root, up to 1 as a share of the length and above 1

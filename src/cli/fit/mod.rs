@@ -18,6 +18,7 @@ pub mod motion;
 pub mod scene;
 pub mod sky;
 pub mod slab;
+mod slab_columns;
 mod slab_pictures;
 pub mod spectra;
 mod thickness;

@@ -63,7 +63,8 @@ pub struct Args {
         conflicts_with_all = ["method", "bands", "turbidity", "grid", "model", "albedo"])]
     panorama: Option<PathBuf>,
     /// With --panorama: how pixels map to directions
-    #[arg(long, value_parser = named::<PanoramaProjectionKind>(), default_value_t = PanoramaProjectionKind::Equirectangular,
+    #[arg(long, value_parser = named::<PanoramaProjectionKind>(),
+        default_value_t = PanoramaProjectionKind::Equirectangular,
         requires = "panorama")]
     projection: PanoramaProjectionKind,
     /// With --projection fisheye: the whole angle across the circle

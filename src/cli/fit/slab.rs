@@ -1,5 +1,6 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
+use super::slab_columns::{column_names, wavelengths};
 use super::slab_pictures;
 use super::spectra::{self, LEAF, ReadingUnit};
 use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
@@ -85,7 +86,7 @@ const WAVELENGTH: &str = "wavelength_nm";
 const LOST_LIGHT: &str = "light that leaves the sample beside the sphere's ports is missing and looks like absorption; \
                           where it is small, give R and T as a table";
 
-const INPUTS: [&str; 9] = [
+pub(super) const INPUTS: [&str; 9] = [
     "rho_d",
     "rho_t",
     "h",
@@ -98,7 +99,7 @@ const INPUTS: [&str; 9] = [
 ];
 
 /// Other names in tables of spectra: where a table has no column of the first name, the next one is looked for.
-const ALSO: [&[&str]; 9] = [
+pub(super) const ALSO: [&[&str]; 9] = [
     &["R"],
     &["T"],
     &["thickness_mm", "thickness_um", "thickness_m", "thickness"],
@@ -346,61 +347,4 @@ fn say_assumptions(args: &Args) {
         )
     };
     progress::say(format!("{faces}; scattering is taken as isotropic: sigma_s is the reduced one, σs(1−g)"));
-}
-
-/// The wavelengths of a table in wide form, ascending: those with a reflectance (`R550`) and a transmittance (`T550`),
-/// with the columns of both and of their errors.
-fn wavelengths(table: &InputTable) -> Result<Vec<(f64, [String; 4])>> {
-    let found = spectra::wide(table);
-    let columns: Vec<_> = found.readings.iter().filter(|c| !c.is_abaxial()).collect();
-    let mut pairs: Vec<(f64, [String; 4])> = columns
-        .iter()
-        .filter(|r| !r.through)
-        .filter_map(|r| {
-            let t = columns.iter().find(|t| t.through && t.wavelength == r.wavelength)?;
-            Some((r.wavelength, [r.name.clone(), t.name.clone(), r.error.clone(), t.error.clone()]))
-        })
-        .collect();
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let one = columns.first().filter(|_| pairs.is_empty()).map(|c| if c.through { "T" } else { "R" });
-    if let Some(one) = one {
-        let what =
-            format!("its columns hold {one} alone; expected R and T at the same wavelengths, such as R450 and T450");
-        return Err(Error::input(table.name(), what));
-    }
-    if pairs.is_empty() && spectra::has_others(&found) {
-        return Err(spectra::nothing(table, &found, "fit slab takes columns R450, T450 and so on, or R and T"));
-    }
-    Ok(pairs)
-}
-
-/// The input's column for each of [`INPUTS`].
-fn column_names(mapping: &[String], table: &InputTable) -> Result<Vec<String>> {
-    let usual = |(name, also): (&&str, &&[&str])| {
-        let there = std::iter::once(name).chain(*also).find(|n| table.column(n).is_some());
-        there.unwrap_or(name).to_string()
-    };
-    let mut names: Vec<String> = INPUTS.iter().zip(&ALSO).map(usual).collect();
-    for pair in mapping.iter().filter(|p| !p.is_empty()) {
-        let Some((name, column)) = pair.split_once('=') else {
-            return Err(Error::Usage(format!(
-                "--columns has {pair:?}; expected NAME=COLUMN with NAME one of {}",
-                INPUTS.join(", ")
-            )));
-        };
-        let Some(k) = INPUTS.iter().position(|n| *n == name.trim()) else {
-            return Err(Error::Usage(format!(
-                "--columns names {:?}; expected one of {}",
-                name.trim(),
-                INPUTS.join(", ")
-            )));
-        };
-        names[k] = column.trim().to_string();
-    }
-    for (k, name) in names.iter().enumerate() {
-        if names[..k].contains(name) {
-            return Err(Error::Usage(format!("--columns uses the column {name:?} twice")));
-        }
-    }
-    Ok(names)
 }

@@ -1,13 +1,15 @@
 //! Output folders and output files are claimed here before anything is computed. A claim is refused where the verb
 //! would overwrite its own input, the result of another kind of verb, or files that this program did not make.
 //!
-//! What a folder holds is recognised by the file that its maker writes last ([`Kind`]). Until that file is written, the
-//! hidden file [`MARK`] names the kind. The parts of a stopped fit are in a folder whose name states the kind.
+//! What a folder holds is recognised by the file that its maker writes last ([`OutputKind`]). Until that file is
+//! written, the hidden file [`MARK`] names the kind. The parts of a stopped fit are in a folder whose name states the
+//! kind.
 //!
-//! A claim also locks the folder against other runs, until its [`Claim`] is dropped ([`lock`]).
+//! A claim also locks the folder against other runs, until its [`FolderClaim`] is dropped ([`lock`]).
 
 mod contents;
 mod lock;
+mod places;
 #[cfg(test)]
 mod tests;
 
@@ -16,8 +18,10 @@ use crate::{Error, Result};
 pub use contents::fit_words;
 use contents::{fit_there, holds, is_capture, is_own, marked, marks, stranger};
 pub use lock::{ClaimMode, FolderClaim, undo};
+pub use places::resolved;
+use places::same_file;
 use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 /// What a verb makes in a folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,8 +121,8 @@ pub fn folder(folder: &Path, kind: OutputKind, inputs: &[&Path]) -> Result<Folde
     folder_for(folder, kind, inputs, ClaimMode::Alone)
 }
 
-/// As [`folder`]; with [`Use::Shared`] for a run that shares the folder with other shards of one fit. Such a run waits
-/// for one that has the folder alone, because that one puts together what the shards made.
+/// As [`folder`]; with [`ClaimMode::Shared`] for a run that shares the folder with other shards of one fit. Such a run
+/// waits for one that has the folder alone, because that one puts together what the shards made.
 ///
 /// # Errors
 /// As [`folder`]; [`Error::Interrupted`] after a stop while it waits.
@@ -363,39 +367,6 @@ fn is_frame(home: &Path, name: &str) -> bool {
 
 fn ending(path: &Path) -> Option<String> {
     path.extension().map(|e| e.to_string_lossy().to_lowercase())
-}
-
-/// Whether two names are one file: the same place, or hard links to it. Standard input is a file where the shell
-/// redirects one.
-fn same_file(a: &Path, b: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        let b = if b == Path::new("-") { Path::new("/dev/stdin") } else { b };
-        let place = |m: &fs::Metadata| (m.dev(), m.ino());
-        matches!((fs::metadata(a), fs::metadata(b)), (Ok(a), Ok(b)) if a.is_file() && place(&a) == place(&b))
-    }
-    #[cfg(not(unix))]
-    {
-        matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b && a.is_file())
-    }
-}
-
-/// The absolute place of a path, which need not exist. Links are followed as far as the path exists; `.` and `..` are
-/// resolved.
-pub fn resolved(path: &Path) -> PathBuf {
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
-    let path = atomic::through_links(&path);
-    for base in path.ancestors() {
-        if let (Ok(real), Ok(rest)) = (base.canonicalize(), path.strip_prefix(base)) {
-            return rest.components().fold(real, |at, part| match part {
-                Component::ParentDir => at.parent().map(Path::to_path_buf).unwrap_or(at),
-                Component::CurDir => at,
-                name => at.join(name),
-            });
-        }
-    }
-    path
 }
 
 fn remove(path: &Path) -> Result<()> {

@@ -2,7 +2,7 @@
 //!
 //! [`recognise`] tells the form by the beginning of a file, [`read`] takes its spectra out, and [`through`] gives every
 //! command that reads a table the same spectra as a CSV in long form, a row a wavelength. Numbers stay as they are in
-//! the file: per cent stay per cent, and [`Stated`] says that the form states them so.
+//! the file: per cent stay per cent, and [`InstrumentStatement`] says that the form states them so.
 
 mod asd;
 mod asd_text;
@@ -109,7 +109,7 @@ pub enum ReflectanceUnit {
 /// Readings at one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpectralReading {
-    /// Place of the leaf's name in [`File::leaves`].
+    /// Place of the leaf's name in [`InstrumentFile::leaves`].
     pub leaf: usize,
     /// In nm; NaN where the form has none.
     pub wavelength: f64,
@@ -232,7 +232,7 @@ pub fn recognise(head: &[u8]) -> Option<InstrumentFormat> {
 ///
 /// # Errors
 /// The sentence that says what is wrong with the file. A sound file that nothing can be computed with is no error: see
-/// [`File::barred`].
+/// [`InstrumentFile::barred`].
 pub fn read(bytes: &[u8], name: &str) -> std::result::Result<InstrumentFile, String> {
     let form = recognise(bytes).ok_or("no form of an instrument is recognised")?;
     let text = || text::decode(bytes);

@@ -5,8 +5,8 @@
 //! otherwise. The transforms of all nodes of its scene are applied, and all primitives are joined. The frame is the
 //! file's own: x to the right, y up, z out of the front; texture (0, 0) is the top left of the front's maps. A
 //! triangle that repeats another (the back of a leaf that `export --to gltf` wrote) is dropped, because a leaf is one
-//! surface with two sides ([`Doubled`]). Normals and tangents are computed where the file has none. Pictures,
-//! materials and animation in the file are not read.
+//! surface with two sides ([`DuplicateTriangles`]). Normals and tangents are computed where the file has none.
+//! Pictures, materials and animation in the file are not read.
 
 mod discs;
 mod duplicates;

@@ -200,7 +200,7 @@ impl Group {
     }
 }
 
-/// Leaves out the one impossible value that columns of a quantity repeat; see [`Spec::physical`].
+/// Leaves out the one impossible value that columns of a quantity repeat; see [`BatchSpec::physical`].
 fn leave_out_repeated(table: &InputTable, spec: &BatchSpec, groups: &mut [Group]) {
     let names: Vec<&String> = spec.required.iter().chain(&spec.optional).collect();
     for physical in &spec.physical {

@@ -1,10 +1,10 @@
 //! Tables: columns by name in any order, extra columns carried through, a bad row named in its own row.
 //!
-//! Every table of the command line is opened as a [`Table`], which recognises its form (encoding, line ends, comments,
-//! separator, decimal commas), and every number in it is read by one list of marks for missing readings. Every batch
-//! form uses [`run`]: rows are read in blocks, computed in parallel, and written in input order. So ten million rows
-//! need no more memory than ten thousand. At the end the lines of the file are compared with the lines that were
-//! answered.
+//! Every table of the command line is opened as a [`InputTable`], which recognises its form (encoding, line ends,
+//! comments, separator, decimal commas), and every number in it is read by one list of marks for missing readings.
+//! Every batch form uses [`run`]: rows are read in blocks, computed in parallel, and written in input order. So ten
+//! million rows need no more memory than ten thousand. At the end the lines of the file are compared with the lines
+//! that were answered.
 
 mod cell;
 mod dialect;
@@ -85,7 +85,7 @@ impl OutputRow {
 /// What a batch reads and writes.
 #[derive(Debug, Clone, Default)]
 pub struct BatchSpec {
-    /// Numeric columns that must exist, in the order in which [`Row::get`] numbers them.
+    /// Numeric columns that must exist, in the order in which [`InputRow::get`] numbers them.
     pub required: Vec<String>,
     /// Numeric columns that may exist; their numbers follow those of the required ones. An empty cell is NaN.
     pub optional: Vec<String>,
@@ -96,10 +96,10 @@ pub struct BatchSpec {
     pub outputs: Vec<String>,
     /// Output columns with whole numbers, which are printed as such (`3`, not `3.0`).
     pub whole: Vec<String>,
-    /// Columns of words that may exist, in the order in which [`Row::text`] numbers them.
+    /// Columns of words that may exist, in the order in which [`InputRow::text`] numbers them.
     pub texts: Vec<String>,
-    /// Those of the optional columns in which a bad cell costs only itself: it is NaN, and [`Row::faults`] and
-    /// [`LeftOut`] name it. In the other columns it refuses its row.
+    /// Those of the optional columns in which a bad cell costs only itself: it is NaN, and [`InputRow::faults`] and
+    /// [`Omissions`] name it. In the other columns it refuses its row.
     pub readings: Vec<String>,
     /// What is possible in some columns. Numbers outside that programs write for a missing reading (−999, −9.99, 1e34),
     /// and one value outside that the columns repeat, are missing readings. −9999 is one in every column.
@@ -127,7 +127,7 @@ impl InputRow<'_> {
     pub fn get(&self, k: usize) -> f64 {
         self.values[k]
     }
-    /// All values, in the order of [`Row::get`].
+    /// All values, in the order of [`InputRow::get`].
     pub fn all(&self) -> &[f64] {
         self.values
     }
@@ -144,7 +144,7 @@ impl InputRow<'_> {
     pub fn line(&self) -> usize {
         self.record.line()
     }
-    /// Readings that cannot be read, and why: see [`Spec::readings`].
+    /// Readings that cannot be read, and why: see [`BatchSpec::readings`].
     pub fn faults(&self) -> impl Iterator<Item = (usize, &str)> {
         self.faults.iter().map(|(k, why)| (*k, why.as_str()))
     }

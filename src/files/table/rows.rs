@@ -1,9 +1,9 @@
 //! The rows of a CSV as they are in the file, and the treatment of quotes that are opened and never closed.
 //!
 //! A CSV reader takes everything from such a quote up to the next one for one cell, so one stray quote swallows the
-//! rows after it. [`Rows`] finds where rows end. It passes well-formed text through unchanged and mends a row whose
-//! quote is not closed, so that this row stays one row and the rows after it are rows again. It does not look at cells,
-//! so one thread can find the rows that all other threads split.
+//! rows after it. [`TableRows`] finds where rows end. It passes well-formed text through unchanged and mends a row
+//! whose quote is not closed, so that this row stays one row and the rows after it are rows again. It does not look at
+//! cells, so one thread can find the rows that all other threads split.
 
 use super::dialect::Dialect;
 use super::lines::{Lines, filled};
@@ -156,7 +156,7 @@ impl<R: Read> TableRows<R> {
     }
 
     /// Adds the lines without quotes that are in memory already, until `block` has `most` rows: the same rows as by
-    /// [`Rows::next`], in a fifth of the time.
+    /// [`TableRows::next`], in a fifth of the time.
     pub fn in_memory(&mut self, block: &mut RowBlock, most: usize) -> io::Result<()> {
         if !self.ahead.is_empty() || self.blanks || !self.stands_for.is_empty() {
             return Ok(());

@@ -23,7 +23,7 @@ impl TableOutput {
     }
 }
 
-/// An opened [`Output`]: a file that appears only when it is complete, or standard output.
+/// An opened [`TableOutput`]: a file that appears only when it is complete, or standard output.
 pub struct TableSink {
     place: Place,
     path: PathBuf,
@@ -55,7 +55,7 @@ impl TableSink {
     /// Opens the output of a batch that reads `input` (`-`: a standard stream).
     ///
     /// # Errors
-    /// As [`claim::file`] and [`Pending::create`].
+    /// As [`claim::file`] and [`PendingFile::create`].
     pub fn open(output: &TableOutput, input: &Path) -> Result<TableSink> {
         claim::file(&output.path, &["csv", "json"], &[input])?;
         let place = if output.path == Path::new("-") {

@@ -19,7 +19,7 @@ type Source = Box<dyn Read + Send>;
 pub struct InputTable {
     rows: TableRows<Source>,
     pub(super) dialect: Dialect,
-    /// The row that [`Table::next_record`] reads, and what splits it.
+    /// The row that [`InputTable::next_record`] reads, and what splits it.
     splitter: Splitter,
     block: RowBlock,
     /// The first bytes of the file, and whether they are all of it.
@@ -68,7 +68,7 @@ impl InputTable {
     /// its first lines; where it is not the usual one, a line on standard error says so.
     ///
     /// # Errors
-    /// As [`Table::open`].
+    /// As [`InputTable::open`].
     pub fn from_reader(source: Source, name: PathBuf) -> Result<InputTable> {
         let unreadable = |e: &io::Error| Error::input(&name, format!("line 1: {}", atomic::explain(e)));
         let (head, whole, rest, encoding) = begin(source).map_err(|e| unreadable(&e))?;
@@ -193,7 +193,7 @@ impl InputTable {
         values
     }
 
-    /// The words of a column in the first rows of the table; see [`Table::head`].
+    /// The words of a column in the first rows of the table; see [`InputTable::head`].
     pub fn head_words(&self, column: &str) -> Vec<String> {
         let mut words = Vec::new();
         if let Some(k) = self.column(column) {
@@ -229,11 +229,11 @@ impl InputTable {
         self.number_in(record, column, Possible::ANY.range)
     }
 
-    /// As [`Table::number`], for a quantity that is always in `range`: numbers such as −999 outside it mean that there
-    /// is no reading. Other numbers outside it are returned.
+    /// As [`InputTable::number`], for a quantity that is always in `range`: numbers such as −999 outside it mean that
+    /// there is no reading. Other numbers outside it are returned.
     ///
     /// # Errors
-    /// As [`Table::number`].
+    /// As [`InputTable::number`].
     pub fn number_in(
         &self,
         record: &TableRecord,
@@ -268,7 +268,7 @@ impl InputTable {
     }
 
     /// Reads the next row; returns false at the end. Rows may have a wrong number of cells or not be text: see
-    /// [`Record::fault`].
+    /// [`TableRecord::fault`].
     ///
     /// # Errors
     /// [`Error::Input`] for a file that cannot be read, and where the rows that were read are not all lines of the

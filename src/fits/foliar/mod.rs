@@ -19,22 +19,12 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
+use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 use surface::{FoliarFitSetting, MOST_OBLATE, ResponseSurface};
 use surfaces::ResponseSurfaceTable;
 
 /// What can be fitted.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    strum::EnumString,
-    strum::EnumIter,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::Display,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, EnumString, EnumIter, EnumMessage, IntoStaticStr, Display)]
 #[strum(serialize_all = "kebab-case")]
 pub enum FoliarParameter {
     /// chlorophyll a and b per leaf area
@@ -91,7 +81,7 @@ impl FoliarParameter {
 /// One reading of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FoliarReading {
-    /// Which of the model's [`Model::lights`].
+    /// Which of the model's [`FoliarFitModel::lights`].
     pub light: usize,
     /// Whether the reading is a transmittance; otherwise it is a reflectance.
     pub through: bool,
@@ -170,7 +160,7 @@ impl FoliarFitModel {
         }
     }
 
-    /// Columns of [`Model::fit`]'s answer.
+    /// Columns of [`FoliarFitModel::fit`]'s answer.
     pub fn outputs(&self) -> Vec<String> {
         let names = || self.asked.iter().map(|p| p.column().to_string());
         names().chain(names().map(|n| n + "_err")).chain(["rms", "minima"].map(String::from)).collect()

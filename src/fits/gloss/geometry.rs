@@ -53,7 +53,7 @@ impl GlossGeometry {
     /// The same from the text of such a file; `name` stands for the file in messages.
     ///
     /// # Errors
-    /// As [`Geometry::read`].
+    /// As [`GlossGeometry::read`].
     pub fn from_text(text: &str, name: &Path) -> Result<GlossGeometry> {
         let geometry: GlossGeometry = toml::from_str(text).map_err(|e| Error::toml(name, text, &e))?;
         geometry.check(name)?;

@@ -268,7 +268,7 @@ impl GlossTexelFit {
         }
     }
 
-    /// Output columns of [`TexelFit::answer`] for `channels` (1 or 3) channels: values, their errors, `chi2`.
+    /// Output columns of [`GlossTexelFit::answer`] for `channels` (1 or 3) channels: values, their errors, `chi2`.
     pub fn outputs(channels: usize) -> Vec<String> {
         let names: &[&str] = if channels == 1 {
             &["rho_d", "rho_s", "m", "tilt"]
@@ -297,7 +297,7 @@ impl GlossTexelFit {
     }
 
     /// The same for a trace of a table, of which it was asked whether the lobe describes it
-    /// ([`TexelFitter::judge`]).
+    /// ([`GlossTexelFitter::judge`]).
     pub fn judged(mut self, found: Option<&mesophyll_base::solvers::adequacy::Adequacy>, channels: usize) -> OutputRow {
         let why = found.and_then(|found| self.doubted(found));
         let answer = self.answer(channels);

@@ -14,7 +14,8 @@ use mesophyll_optics::dispatch_lanes;
 use mesophyll_optics::tube::evaluator::COLUMNS;
 use mesophyll_optics::tube::lanes::Lanes;
 
-/// Columns of a pass, as [`mesophyll_optics::tube::fast`] fills them: D for diffuse light, S for gloss, S_M = ∂S/∂m.
+/// Columns of a pass, as [`mesophyll_optics::tube::evaluator`] fills them: D for diffuse light, S for gloss, S_M =
+/// ∂S/∂m.
 pub const D: usize = 0;
 pub const S: usize = 1;
 pub const S_M: usize = 2;
@@ -111,7 +112,8 @@ impl ChannelProjection {
         }
     }
 
-    /// Adds this channel to the projected normal matrix and gradient. `inverse` is a matrix like [`Channel::inverse`].
+    /// Adds this channel to the projected normal matrix and gradient. `inverse` is a matrix like
+    /// [`ChannelProjection::inverse`].
     pub fn accumulate(
         &self,
         inverse: &[[f64; 2]; 2],

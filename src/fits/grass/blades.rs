@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// The largest number of blades of a meadow. Blades that hang over an edge count on both sides of the rectangle.
 const MOST: usize = 2_000_000;
-/// Number of steps of |Ω_z| from 0 to 1 in [`Meadow::projection`].
+/// Number of steps of |Ω_z| from 0 to 1 in [`LawnMeadow::projection`].
 pub const STEPS: usize = 16;
 /// Number of azimuths that the projection is averaged over.
 const AZIMUTHS: usize = 32;
@@ -198,7 +198,7 @@ impl LawnMeadow {
         None
     }
 
-    /// [`Meadow::projection`] at |Ω_z|, linear between its steps.
+    /// [`LawnMeadow::projection`] at |Ω_z|, linear between its steps.
     pub fn shown(&self, vertical: f64) -> f64 {
         shown(&self.projection, vertical)
     }

@@ -47,9 +47,9 @@ impl Hill {
 }
 
 impl LawnSlices {
-    /// Follows a ray through a lawn on a hill, as [`Slices::march`] does over level ground, up to the distance `reach`.
-    /// The origin may lie over the lawn. Also returns where the ray reaches the ground. A crossing's place is at its
-    /// height over the ground.
+    /// Follows a ray through a lawn on a hill, as [`LawnSlices::march`] does over level ground, up to the distance
+    /// `reach`. The origin may lie over the lawn. Also returns where the ray reaches the ground. A crossing's place is
+    /// at its height over the ground.
     pub fn march_on(
         &self,
         hill: &Hill,
@@ -110,7 +110,7 @@ impl LawnSlices {
     }
 
     /// Share of the light from `to` that arrives at the part of a slice that a ray along `d` sees, on a hill. Both are
-    /// unit vectors. As [`Slices::arriving`], which is for level ground; the slope hides a light behind it.
+    /// unit vectors. As [`LawnSlices::arriving`], which is for level ground; the slope hides a light behind it.
     ///
     /// A hill lifts every blade and turns none, so that a unit of the ray's length has the optical depth of the ray's
     /// own direction. The ray leaves the lawn earlier or later, as it rises over the ground.

@@ -4,8 +4,8 @@
 //! Slices stand across x and across y at even steps, and a level slice may lie at half the height. Each slice shows all
 //! blades of its slab. A ray at an angle to both axes crosses slices of both kinds, so it meets every blade twice: the
 //! optical depth of upright blades would be |cos φ| + |sin φ| times the true one. A ray from above crosses hardly any
-//! slice. So [`Slices::weights`] says which share of a slice's opacity counts for a ray. With it the optical depth is
-//! that of the blades in every direction in which slices can reach it.
+//! slice. So [`LawnSlices::weights`] says which share of a slice's opacity counts for a ray. With it the optical depth
+//! is that of the blades in every direction in which slices can reach it.
 
 use crate::grass::blades::{STEPS, shown};
 use crate::grass::irregularity::{SHIFTS, shifted};
@@ -25,7 +25,7 @@ pub struct LawnSlices {
     /// Number of slices across x, and the same number across y.
     pub count: usize,
     /// The projection that the weights are computed from: the blades' own
-    /// ([`crate::grass::blades::Meadow::projection`]), or one that was fitted to the blades
+    /// ([`crate::grass::blades::LawnMeadow::projection`]), or one that was fitted to the blades
     /// ([`crate::grass::weights`]).
     pub projection: [f64; STEPS + 1],
     /// The blades' own projection along the ground and from above, which is what slices show.
@@ -107,7 +107,7 @@ impl LawnSlices {
     /// blades have the optical depth u P for each unit of length. Upright slices have u P(0) (|Ω_x| + |Ω_y|), and the
     /// level one u P(1) |Ω_z| in the mean over the height. Upright slices count in full, or by a smaller share where
     /// they would give too much. The level slice adds what they lack. These are shares of the optical depth;
-    /// [`Slices::share`] converts them to shares of the opacity.
+    /// [`LawnSlices::share`] converts them to shares of the opacity.
     pub fn weights(&self, d: DVec3) -> [f64; 2] {
         if !self.weighted {
             return [1.0, 1.0];
@@ -321,7 +321,7 @@ impl LawnSlices {
         left
     }
 
-    /// The mean opacities of the sheets, as [`Slices::cover`] holds them.
+    /// The mean opacities of the sheets, as [`LawnSlices::cover`] holds them.
     pub fn covers(upright: &SliceAtlas, level: Option<&SliceAtlas>) -> ([f64; STEPS + 1], f64) {
         let mean = |sheet: &SliceAtlas, v: f64| {
             let w = sheet.cell[0];
@@ -340,7 +340,7 @@ impl LawnSlices {
     }
 }
 
-/// See [`Slices::crossings`].
+/// See [`LawnSlices::crossings`].
 #[derive(Debug, Clone)]
 pub struct SliceCrossings<'a> {
     slices: &'a LawnSlices,

@@ -2,7 +2,7 @@
 //! fragment of a carrier's surface can trace a ray through the slices in real time. They are fitted to the blades that
 //! they represent.
 //!
-//! [`blades`] is the meadow itself, which rays can hit. [`bake`] takes the pictures, and [`sheet`] stores them.
+//! [`blades`] is the meadow itself, which rays can hit. [`baking`] takes the pictures, and [`sheet`] stores them.
 //! [`march`] follows a ray through the slices, and [`judge`] compares the result with the blades. Pictures hold
 //! opacity, reflectance, transmittance and normals, but no light. Lengths are in mm, and z is up.
 //!
@@ -109,8 +109,8 @@ pub fn plant(path: &Path) -> Result<Plant> {
 /// Fits slices to the meadow in the file `input` (.toml or .glb) and writes them into the folder `out`.
 ///
 /// # Errors
-/// Those of [`plant`], [`optics::read`], [`Meadow::new`] and [`maker::make`]; [`Error::Interrupted`] after a stop, when
-/// finished parts are kept.
+/// Those of [`plant`], [`optics::read`], [`LawnMeadow::new`] and [`maker::make`]; [`Error::Interrupted`] after a stop,
+/// when finished parts are kept.
 pub fn run(input: &Path, out: &Path, options: &Options) -> Result<FitOutcome> {
     let (path, options) = (input.to_path_buf(), options.clone());
     maker::make(FitKind::Grass, out, &[input], move |maker| fit(&path, &options, maker))
@@ -175,8 +175,8 @@ struct Table {
     judged: Vec<judge::LawnComparison>,
 }
 
-/// As [`Maker::part`], and also tells whether the part was kept from a run that was stopped. A kept part that `whole`
-/// finds incomplete is removed and made again; the other parts stay.
+/// As [`FitMaker::part`], and also tells whether the part was kept from a run that was stopped. A kept part that
+/// `whole` finds incomplete is removed and made again; the other parts stay.
 fn part<T: Serialize + DeserializeOwned, W>(
     maker: &mut FitMaker,
     name: &str,

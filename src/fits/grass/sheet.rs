@@ -170,7 +170,7 @@ impl SliceAtlas {
         write_exr(path, &maps(self.levels[0].width, &self.levels[0].texels), Packing::Half)
     }
 
-    /// Reads a file of [`Sheet::write`], and makes the coarser levels.
+    /// Reads a file of [`SliceAtlas::write`], and makes the coarser levels.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that cannot be read or that is of another size.

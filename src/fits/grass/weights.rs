@@ -2,10 +2,10 @@
 //! do.
 //!
 //! For blades that stand at random in slabs without thickness, the projection of the blades
-//! ([`crate::grass::blades::Meadow::projection`]) gives the answer. But real blades stand in tufts, and a small number
-//! of slices means slabs that are thick compared with the height. So the projection that the weights are computed from
-//! is fitted: one number at each of [`STEPS`] + 1 steps of |Ω_z|. The rays of the fit have other azimuths than those of
-//! [`crate::grass::judge`].
+//! ([`crate::grass::blades::LawnMeadow::projection`]) gives the answer. But real blades stand in tufts, and a small
+//! number of slices means slabs that are thick compared with the height. So the projection that the weights are
+//! computed from is fitted: one number at each of [`STEPS`] + 1 steps of |Ω_z|. The rays of the fit have other azimuths
+//! than those of [`crate::grass::judge`].
 
 use crate::grass::Result;
 use crate::grass::blades::{LawnMeadow, STEPS};

@@ -36,7 +36,7 @@ impl LeafFitFile {
         self.of(side.name())
     }
 
-    /// As [`File::name`], for a section of a record, which need not be a side.
+    /// As [`LeafFitFile::name`], for a section of a record, which need not be a side.
     pub fn of(self, section: &str) -> String {
         let what = match self {
             LeafFitFile::Maps => "",

@@ -2,13 +2,13 @@
 //!
 //! [`make`] runs the fit on a thread of its own. When Ctrl-C asks for a stop, it leaves that thread and returns
 //! [`Error::Interrupted`] at once, whatever is being computed. Nothing is lost by that: every file is written whole or
-//! not at all, `fit.toml` is written last, and parts that a long fit has finished ([`Maker::part`], [`Maker::parts`])
-//! are taken over by the next run.
+//! not at all, `fit.toml` is written last, and parts that a long fit has finished ([`FitMaker::part`],
+//! [`FitMaker::parts`]) are taken over by the next run.
 //!
-//! The fit itself is a function that gets a [`Maker`]. It reads its inputs and states what it is made from
-//! ([`Maker::up_to_date`]). That claims the folder, and a folder that belongs to something else is refused. Then the
-//! fit computes, opens the folder for writing ([`Maker::begin`]), writes its maps, and hands over its record
-//! ([`Maker::finish`]). So an input that cannot be read is reported before the folder is touched.
+//! The fit itself is a function that gets a [`FitMaker`]. It reads its inputs and states what it is made from
+//! ([`FitMaker::up_to_date`]). That claims the folder, and a folder that belongs to something else is refused. Then the
+//! fit computes, opens the folder for writing ([`FitMaker::begin`]), writes its maps, and hands over its record
+//! ([`FitMaker::finish`]). So an input that cannot be read is reported before the folder is touched.
 
 use crate::record::{Error, FitKind, FitRecord, FitTimes, Result, read_toml, write_toml};
 use mesophyll_files::claim::{self, FolderClaim, OutputKind};
@@ -135,7 +135,7 @@ impl FitMaker {
     }
 
     /// States that this run is one shard of several, which write their parts at the same time. To be said before
-    /// [`Maker::made_from`].
+    /// [`FitMaker::made_from`].
     pub fn one_of_several(&mut self) {
         self.shared = true;
     }
@@ -159,11 +159,11 @@ impl FitMaker {
         found.filter(|record| record.verify(&self.out).is_ok()).map(|record| FitOutcome::UpToDate(Box::new(record)))
     }
 
-    /// As [`Maker::made_from`]. Returns the fit that the folder holds if it is exactly this fit and unchanged; with
+    /// As [`FitMaker::made_from`]. Returns the fit that the folder holds if it is exactly this fit and unchanged; with
     /// `force` it returns none.
     ///
     /// # Errors
-    /// As [`Maker::made_from`].
+    /// As [`FitMaker::made_from`].
     pub fn up_to_date(&mut self, input_hash: String, force: bool) -> Result<Option<FitOutcome>> {
         self.made_from(input_hash)?;
         Ok(if force { None } else { self.whole() })
@@ -179,7 +179,7 @@ impl FitMaker {
     }
 
     /// Takes over a part from a stopped run, or makes it. `make` writes files into the folder that it gets, and returns
-    /// further results of the part. [`Maker::take_parts`] brings the files into the fit's folder.
+    /// further results of the part. [`FitMaker::take_parts`] brings the files into the fit's folder.
     ///
     /// # Errors
     /// Those of `make`; a folder that cannot be written.
@@ -199,8 +199,8 @@ impl FitMaker {
         Ok(part)
     }
 
-    /// Copies the files of all parts into the fit's folder. The parts stay until [`Maker::finish`], so that a stop in
-    /// between loses none.
+    /// Copies the files of all parts into the fit's folder. The parts stay until [`FitMaker::finish`], so that a stop
+    /// in between loses none.
     ///
     /// # Errors
     /// A file that cannot be read or written.
@@ -218,7 +218,7 @@ impl FitMaker {
         Ok(())
     }
 
-    /// Opens the folder for writing. Until [`Maker::finish`] it is marked as an incomplete fit, and the record of an
+    /// Opens the folder for writing. Until [`FitMaker::finish`] it is marked as an incomplete fit, and the record of an
     /// earlier fit is removed.
     ///
     /// # Errors

@@ -69,7 +69,7 @@ impl SkyFitEvaluator {
     /// Uses the fit of Preetham's sky in the folder `fit` (written by `fit sky`) instead of the built-in one.
     ///
     /// # Errors
-    /// As [`Evaluator::new`], and where the folder is no such fit.
+    /// As [`SkyFitEvaluator::new`], and where the folder is no such fit.
     pub fn of_folder(fit: &Path, bands: usize, window: WindowKind, ground: f64) -> Result<SkyFitEvaluator> {
         let mut made = SkyFitEvaluator::without(over(SkyModel::Preetham, 0.0)?, bands, window, ground)?;
         let (record, form) = folder::read(fit)?;
@@ -101,7 +101,7 @@ impl SkyFitEvaluator {
     /// The coefficients at a sun's zenith angle (radians, 0 to π/2) and a turbidity.
     ///
     /// # Errors
-    /// [`Refused`] where there is no such sky.
+    /// [`SkyRefusal`] where there is no such sky.
     pub fn at(&self, sun: f64, turbidity: f64) -> std::result::Result<SkyEvaluation, SkyRefusal> {
         let covers = |f: &&SkyFitForm<f32>| {
             f.bands() >= self.worked && (f.turbidities()[0]..=f.turbidities()[1]).contains(&turbidity)

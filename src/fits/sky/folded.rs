@@ -21,7 +21,7 @@ pub const COMPACT: [usize; 15] = [10, 9, 9, 8, 7, 7, 6, 5, 5, 4, 3, 3, 2, 1, 1];
 /// The same with 124 terms: 41,664 bytes.
 pub const FINE: [usize; 18] = [10, 10, 10, 9, 9, 9, 8, 8, 8, 7, 7, 6, 6, 5, 4, 3, 3, 2];
 
-/// Fits with a given staircase (see [`Folded`]).
+/// Fits with a given staircase (see [`FoldedPolynomials`]).
 pub fn fit(options: &Options, rows: &[usize]) -> SkyFit {
     let clock = Instant::now();
     let (tall, wide) = (rows.len(), rows.iter().copied().max().unwrap_or(1));

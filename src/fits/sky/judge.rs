@@ -21,7 +21,7 @@ pub struct SkyFitReference {
     pub smallest: f64,
 }
 
-/// Errors over all skies of a [`Reference`], each divided by its smallest c00.
+/// Errors over all skies of a [`SkyFitReference`], each divided by its smallest c00.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SkyFitErrors {
     /// Root of the sum of squared coefficient errors, for the worst channel of the worst sky. This is the measure used
@@ -74,7 +74,7 @@ impl SkyFitReference {
     }
 }
 
-/// Judges a fit by its [`Form::coefficients`].
+/// Judges a fit by its [`SkyFitForm::coefficients`].
 pub fn judge<T: SkyFloat>(form: &SkyFitForm<T>, reference: &SkyFitReference) -> SkyFitErrors {
     judge_with(|s, t| form.coefficients(s, t).ok(), reference)
 }

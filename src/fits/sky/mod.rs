@@ -7,7 +7,7 @@
 //!
 //! | to … | call |
 //! |---|---|
-//! | fit | [`fit`] with [`Options`]; [`Fitted::form`] holds the polynomials in f64, [`Form::narrow`] in f32 |
+//! | fit | [`fit`] with [`Options`]; [`SkyFit::form`] holds the polynomials in f64, [`SkyFitForm::narrow`] in f32 |
 //! | the fit that the program itself uses | [`standard`]: made once, in milliseconds |
 //! | judge | [`judge::judge`] |
 //! | make and read a folder | [`folder::make`], [`folder::read`] |
@@ -105,7 +105,7 @@ impl<T: mesophyll_sky::polynomials::SkyFloat> SkyFitForm<T> {
     /// N² coefficients in linear sRGB (kcd/m²), sun at azimuth 0.
     ///
     /// # Errors
-    /// [`Refused`] outside what was fitted.
+    /// [`SkyRefusal`] outside what was fitted.
     pub fn coefficients(
         &self,
         sun_zenith: f64,
@@ -204,7 +204,7 @@ pub fn fit(options: &Options) -> Result<SkyFit> {
     })
 }
 
-/// Fits any model by [`Method::Chebyshev`] as a black box: nothing but its values is used.
+/// Fits any model by [`SkyFitMethod::Chebyshev`] as a black box: nothing but its values is used.
 ///
 /// # Errors
 /// As [`fit`]; any other method.
@@ -240,8 +240,8 @@ fn check(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The fit that the program uses itself ([`Method::Fine`], 7 bands, turbidity 2.5 to 6), in f32. It is made at the
-/// first call.
+/// The fit that the program uses itself ([`SkyFitMethod::Fine`], 7 bands, turbidity 2.5 to 6), in f32. It is made at
+/// the first call.
 ///
 /// # Errors
 /// As [`fit`].

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 use std::time::Instant;
 
-/// Nodes of [`Method::Chebyshev`]: suns and turbidities.
+/// Nodes of [`SkyFitMethod::Chebyshev`]: suns and turbidities.
 const NODES: [usize; 2] = [24, 12];
 
 /// Coefficients of all functions (channel by channel, l(l+1)/2 + m) at every sun, for one turbidity.

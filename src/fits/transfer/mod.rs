@@ -61,7 +61,7 @@ pub struct TransferScene {
     pub leaves: usize,
     /// Whether any picture will show each instance. Instances beyond the end of the list count as shown.
     pub seen: Vec<bool>,
-    /// The sun whose shadows are computed too ([`Scene::under_sun`]).
+    /// The sun whose shadows are computed too ([`TransferScene::under_sun`]).
     pub sun: Option<TransferSun>,
 }
 
@@ -79,7 +79,7 @@ const ANCHORS_A_PART: usize = 2000;
 /// What a finished part records beside its entries.
 #[derive(Serialize, Deserialize)]
 struct Part {
-    /// The error at each anchor; see [`transfer::Found`].
+    /// The error at each anchor; see [`transfer::InstanceTransfer`].
     errors: Vec<f32>,
 }
 

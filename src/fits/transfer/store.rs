@@ -9,8 +9,8 @@ use mesophyll_transport::world::ReferenceWorld;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The file of all entries, as lines of [`LINE`] pixels. They are in the order of the [`Layout`]'s rows, and columns
-/// follow each other within a row.
+/// The file of all entries, as lines of [`LINE`] pixels. They are in the order of the [`TransferLayout`]'s rows, and
+/// columns follow each other within a row.
 pub const OPERATORS: &str = "operators.exr";
 
 /// Number of pixels in a line. The last line is filled up with zeros.

@@ -149,7 +149,7 @@ impl SunShadowMaps {
     }
 
     /// Prepares maps for every place that the sun is moved to. `world` is the one that these maps belong to. `shown` is
-    /// the sun's direction in the map that is drawn now, as the very numbers that [`LiveSun::follow`] will get.
+    /// the sun's direction in the map that is drawn now, as the very numbers that [`FreeSun::follow`] will get.
     pub fn live(&self, world: Arc<ReferenceWorld>, shown: DVec3) -> FreeSun {
         let (receivers, light) = (self.receivers.clone(), self.light.clone());
         FreeSun { world, receivers, light, thread: Thread::NotYet, wanted: shown, waiting: false }

@@ -11,7 +11,7 @@
 //!
 //! Here ω is in the tangent frame of S (x right, y up in its image, z out of it). The coefficients of f, or of M, on a
 //! directional basis are stored. Maps are in the columns of S's camera. Lengths in mm. The sources leave out 1/n_z
-//! ([`Area`]).
+//! ([`TexelArea`]).
 //!
 //! The main path is [`run`]. It reads the leaf and chooses the tissue. Then, for each side, it projects the irradiance,
 //! convolves, normalises, judges and writes.

@@ -36,7 +36,7 @@ pub struct TranslucencySpread {
     /// Root mean square of f_rec − f over the mean of f, for all texels: the error that a picture at this elevation
     /// shows.
     pub visible: f64,
-    /// Share of the judged texels in each step of f_rec/f − 1, starting at −[`Spread::reach`].
+    /// Share of the judged texels in each step of f_rec/f − 1, starting at −[`TranslucencySpread::reach`].
     pub histogram: [f64; BINS],
     /// Width of a step of the histogram, in f_rec/f − 1.
     pub step: f64,

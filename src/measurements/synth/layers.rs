@@ -141,7 +141,7 @@ impl FoliarSpec {
         ]
     }
 
-    /// The layers at a channel's wavelength; `None` before [`Foliar::read`].
+    /// The layers at a channel's wavelength; `None` before [`FoliarSpec::read`].
     fn leaf(&self, c: usize) -> Option<LayeredLeaf> {
         let [n_cuticle, n_mesophyll, n_antidermal] = self.constants.get(c)?.indices;
         let [cuticle, epidermis, palisade, spongy] = self.oblateness;
@@ -166,7 +166,7 @@ impl FoliarSpec {
     }
 
     /// R and T of a channel for absorptions of one crossing in `range`. `oblique` is the cosine of the light box's
-    /// camera. `None` before [`Foliar::read`], and where the method does not converge.
+    /// camera. `None` before [`FoliarSpec::read`], and where the method does not converge.
     pub(super) fn table(&self, c: usize, oblique: f64, range: [f64; 2]) -> Option<Table> {
         let axis = ChebyshevAxis::new(range.map(bent), NODES);
         let depths: Vec<f64> = axis.nodes.iter().map(|t| BEND * t * t / (1.0 - t * t)).collect();

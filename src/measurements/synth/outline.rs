@@ -173,7 +173,7 @@ impl BladeContour {
         [(t - 0.5) * self.outline.length_mm, side + self.outline.bow_mm * ((std::f64::consts::PI * t).sin() - 0.5)]
     }
 
-    /// Inverse of [`Blade::place`]: fraction along the midrib and distance to its left.
+    /// Inverse of [`BladeContour::place`]: fraction along the midrib and distance to its left.
     pub fn along(&self, p: [f64; 2]) -> [f64; 2] {
         let t = p[0] / self.outline.length_mm + 0.5;
         [t, p[1] - self.place(t, 0.0)[1]]

@@ -64,7 +64,7 @@ pub struct Branch {
     pub wood: LeafMesh,
 }
 
-/// Least and largest of the numbers of [`Stated`]: lean (1 for each m/s), resonance (Hz) and damping.
+/// Least and largest of the numbers of [`BranchMotion`]: lean (1 for each m/s), resonance (Hz) and damping.
 pub const LEANS: [f64; 2] = [0.0, 1.0];
 /// See [`LEANS`].
 pub const RESONANCES: [f64; 2] = [1e-3, 1e3];

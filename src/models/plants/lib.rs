@@ -1,5 +1,5 @@
-//! Whole plants. [`form`] is the plant itself, and [`file`] its glTF file. [`mod@grow`] grows a plant from a table, and
-//! [`import`] finds the branches of a plant that consists of triangles only. [`mod@carried`] sums what its branches
+//! Whole plants. [`form`] is the plant itself, and [`file`] its glTF file. [`growth`] grows a plant from a table, and
+//! [`import`] finds the branches of a plant that consists of triangles only. [`branch_loads`] sums what its branches
 //! carry, and [`pose`] computes where they are when they bend.
 //!
 //! Lengths are in mm, z is up and the foot is the origin. Only the tables of [`import`] keep the frame of the file that

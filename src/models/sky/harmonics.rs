@@ -164,7 +164,7 @@ impl HarmonicBasis {
     }
 }
 
-/// Σ c_lm Y_lm(d) in the unit direction `d`. For many directions make a [`Basis`] once.
+/// Σ c_lm Y_lm(d) in the unit direction `d`. For many directions make a [`HarmonicBasis`] once.
 pub fn evaluate(c: &HarmonicCoefficients, d: [f64; 3]) -> [f64; 3] {
     HarmonicBasis::new(c.bands().max(1)).sum(c, d)
 }

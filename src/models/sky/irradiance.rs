@@ -34,7 +34,7 @@ pub fn convolved(c: &HarmonicCoefficients) -> HarmonicCoefficients {
 }
 
 /// Irradiance on a surface with unit normal `n`; under an even sky all around it is π times the radiance. Negative sums
-/// (from ringing) are kept. For many normals, keep [`convolved`] and a [`Basis`].
+/// (from ringing) are kept. For many normals, keep [`convolved`] and a [`HarmonicBasis`].
 pub fn irradiance(c: &HarmonicCoefficients, n: [f64; 3]) -> [f64; 3] {
     HarmonicBasis::new(c.bands().max(1)).sum(&convolved(c), n)
 }

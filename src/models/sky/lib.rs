@@ -7,21 +7,22 @@
 //! l(l+1)+m; a sky's coefficients are those of the upper hemisphere with zero below the horizon. The sun's disk is not
 //! part of the sky.
 //!
-//! - To name a sky: [`Model`], [`Preetham`], [`HosekWilkie`]. `model.sky(sun_zenith, turbidity)` gives a [`Sky`], or a
-//!   [`Refused`] that says why it cannot.
+//! - To name a sky: [`SkyFamily`], [`Preetham`], [`HosekWilkie`]. `model.sky(sun_zenith, turbidity)` gives a [`Sky`],
+//! or a [`SkyRefusal`] that says why it cannot.
 //! - To look at it in a direction (unit vector): [`Sky::xyz`], [`Sky::rgb`].
-//! - To project it onto harmonics by quadrature: [`project::direct`] (to 1e-9 of c00 and better), or [`project::Rule`]
-//!   for many turbidities at one sun.
-//! - To evaluate fitted polynomials: [`fitted::Folded`], with `coefficients(sun_zenith, turbidity)`, or
+//! - To project it onto harmonics by quadrature: [`projection::direct`] (to 1e-9 of c00 and better), or
+//! [`projection::ProjectionRule`] for many turbidities at one sun.
+//! - To evaluate fitted polynomials: [`polynomials::FoldedPolynomials`], with `coefficients(sun_zenith, turbidity)`, or
 //!   `at(turbidity)` once the turbidity is fixed.
-//! - To turn, evaluate and sum harmonics: [`harmonics::Basis`], [`harmonics::rotate_z`], [`harmonics::evaluate`].
+//! - To turn, evaluate and sum harmonics: [`harmonics::HarmonicBasis`], [`harmonics::rotate_z`],
+//! [`harmonics::evaluate`].
 //! - To light a surface: [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below.
 //! - For the sun's own light through that air: [`sun::irradiance`].
 //! - To know where a panorama looks: [`panorama`].
 //! - To reduce the ringing of a truncated series: [`window`].
 //!
-//! Coefficients of a sky are a [`Coefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3 numbers of
-//! a fixed sun and turbidity.
+//! Coefficients of a sky are a [`HarmonicCoefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3
+//! numbers of a fixed sun and turbidity.
 
 #![warn(missing_docs)]
 
@@ -78,14 +79,14 @@ pub trait SkyFamily: Send + Sync {
     /// Turbidities that the model accepts.
     fn turbidities(&self) -> [f64; 2];
 
-    /// Turbidities for which the model's authors vouch; [`Model::warning`] warns outside of them.
+    /// Turbidities for which the model's authors vouch; [`SkyFamily::warning`] warns outside of them.
     fn trusted(&self) -> [f64; 2];
 
     /// The sky with these parameters.
     ///
     /// # Errors
-    /// [`Refused`] for a sun below the horizon, a turbidity outside [`Model::turbidities`], and values that are not
-    /// finite.
+    /// [`SkyRefusal`] for a sun below the horizon, a turbidity outside [`SkyFamily::turbidities`], and values that are
+    /// not finite.
     fn sky(&self, sun_zenith: f64, turbidity: f64) -> Result<Box<dyn Sky>, SkyRefusal>;
 
     /// A warning about an accepted turbidity, if there is one.
@@ -127,7 +128,7 @@ impl SkyModel {
     /// The model over ground of this albedo, 0 to 1. Preetham's model knows no ground.
     ///
     /// # Errors
-    /// [`Refused`] for another albedo.
+    /// [`SkyRefusal`] for another albedo.
     pub fn over(self, albedo: f64) -> Result<Box<dyn SkyFamily>, SkyRefusal> {
         if !(0.0..=1.0).contains(&albedo) {
             return Err(SkyRefusal(format!("albedo is {albedo}; expected 0 to 1")));
@@ -146,7 +147,7 @@ pub(crate) const HORIZON_ROUNDING: f64 = 1e-5;
 /// Checks the two parameters that every model has. Returns the sun's zenith angle, at most π/2.
 ///
 /// # Errors
-/// As [`Model::sky`].
+/// As [`SkyFamily::sky`].
 pub fn check(sun_zenith: f64, turbidity: f64, [low, high]: [f64; 2]) -> Result<f64, SkyRefusal> {
     if !(sun_zenith >= 0.0 && sun_zenith.is_finite()) {
         return Err(SkyRefusal(format!("sun_zenith is {sun_zenith}; expected 0 (zenith) to pi/2 (horizon)")));

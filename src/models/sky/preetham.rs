@@ -129,7 +129,7 @@ impl PreethamSky {
     pub fn zenith(&self) -> [f64; 3] {
         self.turbid.zenith(self.sun_zenith)
     }
-    /// Factors of the three separable functions: see [`Turbid::prefactors`].
+    /// Factors of the three separable functions: see [`PreethamTurbidity::prefactors`].
     pub fn prefactors(&self) -> [f64; 3] {
         self.prefactors
     }
@@ -153,7 +153,7 @@ impl Preetham {
     /// The sky with these parameters, by its own type.
     ///
     /// # Errors
-    /// As [`Model::sky`].
+    /// As [`SkyFamily::sky`].
     pub fn at(self, sun_zenith: f64, turbidity: f64) -> Result<PreethamSky, SkyRefusal> {
         let sun_zenith = check(sun_zenith, turbidity, TURBIDITIES)?;
         let turbid = PreethamTurbidity::new(turbidity);

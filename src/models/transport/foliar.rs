@@ -4,10 +4,10 @@
 //! and lights are looked for where it goes. This is right for reciprocal surfaces. The layered leaf is not quite
 //! reciprocal (`docs/foliar.md` gives the error), and FSM's rule for direct light makes the same assumption.
 //!
-//! - [`Model::Fsm`]: a table gives the shares of the light for each side and degree, and lobes give the directions.
-//!   Light that is reflected at the face, and light that turned back before it reached the mesophyll, goes around the
-//!   mirror direction. The rest is diffuse.
-//! - [`Model::Abm`]: each scattering follows a ray through the layers. The density of its direction cannot be
+//! - [`FoliarModel::Fsm`]: a table gives the shares of the light for each side and degree, and lobes give the
+//! directions. Light that is reflected at the face, and light that turned back before it reached the mesophyll, goes
+//! around the mirror direction. The rest is diffuse.
+//! - [`FoliarModel::Abm`]: each scattering follows a ray through the layers. The density of its direction cannot be
 //!   evaluated, so lights are found only by rays that hit them.
 
 use crate::lobe::ReflectionLobe;

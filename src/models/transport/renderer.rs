@@ -78,7 +78,7 @@ pub struct ReferenceRenderer<'a> {
     direct: Direct<'a>,
 }
 
-/// [`Renderer::new`] and one picture.
+/// [`ReferenceRenderer::new`] and one picture.
 pub fn render(
     world: &ReferenceWorld,
     camera: &ReferenceCamera,
@@ -91,7 +91,7 @@ pub fn render(
 
 impl<'a> ReferenceRenderer<'a> {
     /// # Errors
-    /// [`Error::Input`] when a map, a mesh or an index does not fit; see [`World::validate`].
+    /// [`Error::Input`] when a map, a mesh or an index does not fit; see [`ReferenceWorld::validate`].
     pub fn new(world: &'a ReferenceWorld) -> Result<ReferenceRenderer<'a>> {
         world.validate()?;
         Ok(ReferenceRenderer { direct: Direct::new(world) })

@@ -36,7 +36,7 @@ pub(super) enum SideBy {
 }
 
 impl<'a> Stage<'a> {
-    /// `world` must have passed [`World::validate`].
+    /// `world` must have passed [`ReferenceWorld::validate`].
     pub fn new(world: &'a ReferenceWorld) -> Stage<'a> {
         let shape = |l: &ReferenceLeaf| TriangleTree::with_solid(&l.mesh.positions, &l.mesh.indices, |t| solid(l, t));
         let shapes = world.leaves.iter().map(shape).collect();

@@ -210,7 +210,10 @@ fn with_alpha(path: &Path, [width, height]: [usize; 2], pixel: &dyn Fn(usize) ->
 /// Writes shapes, places and camera.
 fn bare(shown: &ExportScene, path: &Path) -> Result<()> {
     let mut file = Glb::default();
-    let mut mesh = |(k, sheet): (usize, &ExportSheet)| json!({"name": sheet.name, "primitives": [primitive(&mut file, &sheet.mesh, k)]});
+    let mut mesh = |(k, sheet): (usize, &ExportSheet)| {
+        let primitives = [primitive(&mut file, &sheet.mesh, k)];
+        json!({"name": sheet.name, "primitives": primitives})
+    };
     let meshes: Vec<Value> = shown.sheets.iter().enumerate().map(&mut mesh).collect();
     let materials: Vec<Value> = shown.sheets.iter().map(|s| json!({"name": s.name, "doubleSided": true})).collect();
     let mut root = json!({"asset": glb::asset(), "scene": 0, "meshes": meshes, "materials": materials});

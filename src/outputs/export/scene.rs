@@ -144,7 +144,7 @@ impl ExportSheet {
     /// The leaf of a fit folder under its name, and which of its texels, in the front's columns, are on the leaf.
     ///
     /// # Errors
-    /// As [`Sheet::of_fit`], and for a fit of another kind.
+    /// As [`ExportSheet::of_fit`], and for a fit of another kind.
     pub fn of_folder(folder: &Path) -> Result<(ExportSheet, Vec<bool>)> {
         let leaf = LeafFit::open(folder)?;
         let sides = ExportSideMaps::all(&leaf.record, folder)?;
@@ -261,7 +261,7 @@ impl ExportScene {
     /// A fitted leaf on its own: seen from above at a slant, under a sun and an even sky.
     ///
     /// # Errors
-    /// As [`Sheet::of_fit`].
+    /// As [`ExportSheet::of_fit`].
     pub fn of_fit(folder: &Path, sides: &[ExportSideMaps]) -> Result<ExportScene> {
         let leaf = LeafFit::open(folder)?;
         let sheet = ExportSheet::of_leaf(&leaf, folder, sides)?;

@@ -26,7 +26,7 @@ impl ExportSideMaps {
     /// Every side that was fitted.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a fit without maps; those of [`SideMaps::read`].
+    /// [`Error::Usage`] for a fit without maps; those of [`ExportSideMaps::read`].
     pub fn all(record: &FitRecord, folder: &Path) -> Result<Vec<ExportSideMaps>> {
         let fitted = Side::ALL.into_iter().filter(|s| record.sections.contains_key(s.name()));
         let sides: Vec<ExportSideMaps> = fitted.map(|s| ExportSideMaps::read(folder, s)).collect::<Result<_>>()?;
@@ -60,7 +60,7 @@ impl ExportSideMaps {
     /// The only channel of a quantity.
     ///
     /// # Errors
-    /// As [`SideMaps::rgb`].
+    /// As [`ExportSideMaps::rgb`].
     pub fn one(&self, quantity: Quantity, folder: &Path) -> Result<&[f32]> {
         self.maps.require_scalar(&LeafFitFile::Maps.path(folder, self.side), quantity)
     }

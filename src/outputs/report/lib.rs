@@ -17,6 +17,7 @@ mod markdown;
 mod model;
 mod notes;
 pub mod number;
+mod overall;
 mod packing;
 mod quantity;
 mod reader;

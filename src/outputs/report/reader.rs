@@ -4,7 +4,7 @@
 use crate::maps::{self, ReportSideMaps};
 use crate::model::{FitReport, ParameterRow, QualityLevel, Report, ReportVerdict, SectionReport, TimesReport};
 use crate::{Error, Result};
-use crate::{Options, ReportSource, comparison, held_out, notes, scene, translucency, verdict};
+use crate::{Options, ReportSource, comparison, held_out, notes, overall, scene, translucency, verdict};
 use mesophyll_fits::leaf_folder::LeafFitFile;
 use mesophyll_fits::record::{FitKind, FitRecord, FitTimes, RecordSection};
 use std::path::{Path, PathBuf};
@@ -52,7 +52,7 @@ pub fn read(sources: &[ReportSource], options: &Options) -> Result<Report> {
         [a, b] if options.compare => format!("{} and {}", a.name, b.name),
         many => many.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(", "),
     };
-    let verdict = verdict::overall(&fits, &checks);
+    let verdict = overall::overall(&fits, &checks);
     let program = concat!("mesophyll ", env!("CARGO_PKG_VERSION")).to_string();
     Ok(Report {
         schema: SCHEMA,

@@ -1,8 +1,8 @@
 //! How large a page may be, and what is shown more coarsely so that it stays below that.
 //!
-//! A page that is larger than [`LIMIT`] is made again with the next [`Detail`] of [`DETAILS`]. What a reader misses
-//! least goes first: the red and blue maps, which are folded away, then truths, differences and pictures that stand
-//! beside others, then the maps of the fit, and the pictures of the check at last.
+//! A page that is larger than [`LIMIT`] is made again with the next [`ReportDetail`] of [`DETAILS`]. What a reader
+//! misses least goes first: the red and blue maps, which are folded away, then truths, differences and pictures that
+//! stand beside others, then the maps of the fit, and the pictures of the check at last.
 
 /// Largest page (bytes). Mail servers and issue trackers take files of this size.
 pub const LIMIT: usize = 5_000_000;

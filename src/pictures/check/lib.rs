@@ -80,7 +80,7 @@ pub fn told(e: gpu::Error) -> Error {
 ///
 /// # Errors
 /// [`Error::Missed`] without an adapter; [`Error::Input`] for a leaf that is not fitted or a damaged file. A missed
-/// threshold is no error here: see [`Report::passed`].
+/// threshold is no error here: see [`CheckVerdict::passed`].
 pub fn check(scene: &LoadedScene, options: &Options, ledger: &Ledger) -> Result<CheckVerdict> {
     let LoadedScene { manifest, placed, plan, .. } = scene;
     if let Some(missing) = placed.unfitted().first() {

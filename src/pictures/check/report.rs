@@ -24,7 +24,7 @@ pub struct CheckVerdict {
     pub skipped: Vec<String>,
     /// What else went wrong, one sentence each: files that are not as they were fitted.
     pub failures: Vec<String>,
-    /// Warnings about the scene that do not fail the check: see [`mesophyll_scene::plan::Plan::warnings`].
+    /// Warnings about the scene that do not fail the check: see [`mesophyll_scene::plan::ScenePlan::warnings`].
     pub warnings: Vec<String>,
     /// What was uploaded for the perspective views (name, bytes).
     pub uploads: Vec<(String, u64)>,

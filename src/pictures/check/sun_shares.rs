@@ -43,7 +43,7 @@ impl SunShareChange {
 /// their leaves are leaves; the others are wood and ground, which only hide. `None` without a sun or without leaves.
 ///
 /// # Errors
-/// As [`Receivers::new`], and [`mesophyll_base::error::Error::Interrupted`] after Ctrl-C.
+/// As [`ShadowReceivers::new`], and [`mesophyll_base::error::Error::Interrupted`] after Ctrl-C.
 pub fn kept(view: &str, rest: &ReferenceWorld, now: &ReferenceWorld, leaves: usize) -> Result<Option<SunShareChange>> {
     let (a, b) = (shares(rest, leaves)?, shares(now, leaves)?);
     if a.is_empty() || a.len() != b.len() {

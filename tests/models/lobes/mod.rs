@@ -254,7 +254,7 @@ fn few_files_name_a_lobe() {
         [
             "src/base/surface/gloss.rs",
             "src/measurements/synth/illumination.rs",
-            "src/models/optics/tube/fast/mod.rs",
+            "src/models/optics/tube/evaluator/mod.rs",
             "src/outputs/export/foreign/micro.rs",
             "src/outputs/proof/gloss/stress.rs",
             "viewer/src/passes/lobe.wgsl",

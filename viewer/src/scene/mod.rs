@@ -22,16 +22,17 @@
 //! In the bent basis, f is evaluated at ω with x and y multiplied by (2z/(1+z))^¼. Transmitted light from the sky
 //! always follows ρt and the mapped normal, with or without translucency maps.
 //!
-//! Where the scene has a [`Transfer`], light that arrives between and by way of other surfaces replaces sky and dome.
-//! Let F₁ and F₂ be the irradiance vectors of the point's two sides, ∫ L(ω) ω dω over the directions on either side:
+//! Where the scene has a [`RadianceTransfer`], light that arrives between and by way of other surfaces replaces sky and
+//! dome. Let F₁ and F₂ be the irradiance vectors of the point's two sides, ∫ L(ω) ω dω over the directions on either
+//! side:
 //!
 //! ```text
 //! L += ρd_viewed/π · max(0, N·F_viewed) + ρt_far/π · max(0, F·F_far) + ρs·a·Σ W_l l_lm Y_lm(R)
 //! ```
 //! l_lm are the harmonics of the light that arrives at the point. Vectors and harmonics are interpolated between the
-//! mesh's [`Anchors`].
+//! mesh's [`AnchorGrid`].
 //!
-//! For a [`Dome`], this renderer knows the N² harmonics only. The two diffuse integrals are Σ A_l c_lm Y_lm
+//! For a [`SkyDome`], this renderer knows the N² harmonics only. The two diffuse integrals are Σ A_l c_lm Y_lm
 //! (Ramamoorthi and Hanrahan 2001). The glossy one is ρs·a·Σ W_l c_lm Y_lm(R), where R is the lobe's mean direction and
 //! W_l are its bands about it. Sums below 0, which come from ringing, count as 0. A mapped normal sees the whole
 //! hemisphere around itself, also where this dips under the blade, as under a constant sky.
@@ -119,8 +120,8 @@ pub struct Scene {
     /// are computed, so they are not written with the scene.
     #[serde(skip)]
     pub sections: Option<SectionAnimation>,
-    /// How light arrives between and by way of other surfaces. Every mesh with an instance then needs [`Anchors`], and
-    /// every instance a first row. With `None`, every surface is lit as if it stood alone, except for the sun's
+    /// How light arrives between and by way of other surfaces. Every mesh with an instance then needs [`AnchorGrid`],
+    /// and every instance a first row. With `None`, every surface is lit as if it stood alone, except for the sun's
     /// shadows.
     pub transfer: Option<RadianceTransfer>,
     /// 255 times the share of the sun's disk that each vertex sees for the sun's present direction, for all instances
@@ -142,10 +143,10 @@ pub struct Instance {
     pub transform: Mat4,
     /// The section of the scene that carries it. The transform is its place at rest.
     pub carried: Option<SectionBinding>,
-    /// First row of its anchors in the scene's [`Transfer`].
+    /// First row of its anchors in the scene's [`RadianceTransfer`].
     pub first_row: u32,
-    /// The level of its anchors ([`Anchors::levels`]) with which its rows begin. Finer levels are not stored, because
-    /// the instance is never seen from near enough.
+    /// The level of its anchors ([`AnchorGrid::levels`]) with which its rows begin. Finer levels are not stored,
+    /// because the instance is never seen from near enough.
     pub first_level: u32,
     /// Index of the first of the scene's shares of the sun that belong to its vertices, in their order. With `None`,
     /// its shadows come from shadow maps.
@@ -194,7 +195,7 @@ pub struct Mesh {
     /// Coarser triangulations of the same vertices, for places where the mesh is small in the picture. The finest is
     /// first; the list may be empty.
     pub details: Vec<DetailLevel>,
-    /// The anchors of the mesh, which a scene with a [`Transfer`] needs.
+    /// The anchors of the mesh, which a scene with a [`RadianceTransfer`] needs.
     pub anchors: Option<AnchorGrid>,
 }
 

@@ -11,8 +11,8 @@ use std::sync::Arc;
 pub struct SectionBinding {
     /// The section, or the first section if the vertices have sections of their own.
     pub first: u32,
-    /// First entry in [`Sections::of_vertices`] for the mesh's vertices. With `None`, one section carries the whole
-    /// instance.
+    /// First entry in [`SectionAnimation::of_vertices`] for the mesh's vertices. With `None`, one section carries the
+    /// whole instance.
     pub vertices: Option<u32>,
 }
 
@@ -31,8 +31,8 @@ pub struct SectionAnimation {
     pub poses: Option<Arc<PoseHierarchy>>,
 }
 
-/// A hierarchy of branches that bend, for the adapter ([`Sections::poses`]). Places and directions are in world space
-/// and at rest.
+/// A hierarchy of branches that bend, for the adapter ([`SectionAnimation::poses`]). Places and directions are in world
+/// space and at rest.
 pub struct PoseHierarchy {
     /// The branches. A parent stands before what grows on it.
     pub limbs: Vec<PoseLimb>,
@@ -91,7 +91,7 @@ pub struct SectionSeat {
     pub share: f32,
     /// The piece of the branch at that share, which lies between the piece's beginning and its end.
     pub piece: u32,
-    /// The point whose place the section states ([`Section::from`]).
+    /// The point whose place the section states ([`SectionMotion::from`]).
     pub from: Vec3,
     /// From the axis to that point.
     pub offset: Vec3,

@@ -296,7 +296,7 @@ impl ReadingUnit {
         })
     }
 
-    /// As [`Shares::refuse`], also for one reading that can only be in per cent.
+    /// As [`ReadingUnit::refuse`], also for one reading that can only be in per cent.
     pub fn refuse_each<'a>(&self, readings: impl Iterator<Item = (&'a str, f64)> + Clone) -> Option<String> {
         let must = |(_, v): &(&str, f64)| self.scale == 1.0 && percent::must_be(*v);
         let one = |(name, v): (&str, f64)| format!("{name} is {v}: {}", percent::SENTENCE);

@@ -32,7 +32,7 @@ const VALUE: [&str; 5] = ["value", "reading", "values", "data", "result"];
 /// Opens a table of spectra. One with two rows a leaf comes back with a row for each leaf and wavelength.
 ///
 /// # Errors
-/// As [`Table::open`]; where nothing says which rows belong together.
+/// As [`InputTable::open`]; where nothing says which rows belong together.
 pub fn open(path: &Path) -> Result<InputTable> {
     let table = InputTable::open(path)?;
     let found = wide(&table);

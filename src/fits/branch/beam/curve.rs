@@ -111,7 +111,7 @@ impl BranchFitMarks<'_> {
         }
     }
 
-    /// One descent, without the patience of [`Marks::fit`]: for loads that are only compared.
+    /// One descent, without the patience of [`BranchFitMarks::fit`]: for loads that are only compared.
     pub fn glance(&self) -> Fit {
         lm::minimize(self, &self.start(), &Options { max_iterations: 40, ..self.options() })
     }

@@ -104,7 +104,7 @@ pub struct MotionEstimate {
 /// How a branch sways.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionFit {
-    /// What it was taken for; never [`Kind::Auto`].
+    /// What it was taken for; never [`MotionKind::Auto`].
     pub kind: MotionKind,
     /// f_h (Hz).
     pub resonance: MotionEstimate,

@@ -87,7 +87,7 @@ impl Periodograms {
         1.0 / (self.readings as f64 * self.step)
     }
 
-    /// The highest frequency that a fit may use, in units of [`Spectra::resolution`].
+    /// The highest frequency that a fit may use, in units of [`Periodograms::resolution`].
     pub fn top(&self) -> usize {
         (self.readings / 2).saturating_sub(1)
     }

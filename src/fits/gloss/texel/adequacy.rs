@@ -15,9 +15,9 @@ const LOOK: f64 = 1.0;
 const REJECTED: f64 = 4.5;
 
 impl GlossTexelFitter {
-    /// Judges a fit of [`TexelFitter::fit`] with one pass: χ² against its spread, and the residuals along the travel.
-    /// `None` where there is nothing to say: a refused fit, or residuals that look like noise at the first glance,
-    /// which costs as little as one evaluation of the model.
+    /// Judges a fit of [`GlossTexelFitter::fit`] with one pass: χ² against its spread, and the residuals along the
+    /// travel. `None` where there is nothing to say: a refused fit, or residuals that look like noise at the first
+    /// glance, which costs as little as one evaluation of the model.
     pub fn judge(&self, ws: &mut GlossFitWorkspace, trace: &[[f32; 3]], fit: &GlossTexelFit) -> Option<Adequacy> {
         if fit.termination == Termination::Refused {
             return None;

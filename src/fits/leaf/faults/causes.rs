@@ -95,7 +95,8 @@ impl LightChange {
 }
 
 impl FaultCause {
-    /// The light over what it should be, as [`When::light`] has it; 1 where the cause has nothing to do with the lamp.
+    /// The light over what it should be, as [`LightChange::light`] has it; 1 where the cause has nothing to do with the
+    /// lamp.
     pub fn light(self, travel: Travel, at: f64, before: usize, passes: usize) -> f64 {
         match self {
             FaultCause::Drift(when, change) => when.light(change, travel, at, before, passes),

@@ -5,6 +5,7 @@
 //! Every limit follows from the scatter of what is compared (so many standard errors, so many scatters of the other
 //! frames) and from what would matter (a share of the light). None is fitted to an outcome.
 
+pub mod bias;
 mod boxes;
 mod causes;
 mod frames;
@@ -16,7 +17,7 @@ pub mod transmittance;
 mod trials;
 mod white_frames;
 
-pub use trials::TrialBias;
+pub use bias::TrialBias;
 
 use crate::Result;
 use crate::leaf::interior::LeafSideFit;

@@ -3,6 +3,7 @@
 //! coding of the frames, a pass in reverse. The cause that explains most of what is left is the likely one, and its
 //! amount is found on the way. Causes that explain it equally well are all named.
 
+use super::bias::{TrialBias, bias};
 use super::causes::{CauseFamily, FaultCause, FrameCoding, LightChange, device, place};
 use super::refit::{FrameReadings, PARAMETERS, PassHypothesis, descend};
 use super::sample::{PassReadings, TexelSample};
@@ -27,19 +28,6 @@ const PRECISION: f64 = 1e-3;
 const REFINED: usize = 8;
 /// Causes whose share is smaller than the best one's by no more than this are named beside it.
 const TIE: f64 = 0.04;
-
-/// How far a quantity of the texels is from what it is under the right cause.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct TrialBias {
-    /// Relative root mean square difference of ρd.
-    pub rho_d: f64,
-    /// Relative root mean square difference of ρs.
-    pub rho_s: f64,
-    /// Relative root mean square difference of m.
-    pub m: f64,
-    /// Root mean square difference of a component of the normal.
-    pub normal: f64,
-}
 
 /// What the trials of one side found.
 #[derive(Debug, Clone, PartialEq)]
@@ -385,23 +373,4 @@ pub(super) struct Fits {
     pub chi2: f64,
     freedom: f64,
     texels: Vec<TexelParameters>,
-}
-
-fn bias(before: &[TexelParameters], after: &[TexelParameters]) -> TrialBias {
-    let rms = |difference: &dyn Fn(&TexelParameters, &TexelParameters) -> f64| {
-        let all: Vec<f64> = before.iter().zip(after).map(|(a, b)| difference(a, b)).filter(|v| v.is_finite()).collect();
-        // The median keeps a texel without gloss from deciding.
-        1.4826 * crate::leaf::outliers::median(all.iter().map(|v| v.abs()).collect())
-    };
-    let relative = |a: [f64; 3], b: [f64; 3]| {
-        let (x, y): (f64, f64) = (a.iter().sum(), b.iter().sum());
-        x / y - 1.0
-    };
-    let or_zero = |v: f64| if v.is_finite() { v } else { 0.0 };
-    TrialBias {
-        rho_d: or_zero(rms(&|a, b| relative(a.rho_d, b.rho_d))),
-        rho_s: or_zero(rms(&|a, b| relative(a.rho_s, b.rho_s))),
-        m: or_zero(rms(&|a, b| a.m / b.m - 1.0)),
-        normal: or_zero(rms(&|a, b| (a.normal[0] - b.normal[0]).hypot(a.normal[1] - b.normal[1]))),
-    }
 }

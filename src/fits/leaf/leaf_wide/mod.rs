@@ -35,7 +35,7 @@ pub struct LeafWideTexel {
     /// Transmittance ρt, a channel each.
     pub rho_t: [f64; 3],
     /// Noise of ρt without light. A transmittance T has the variance (relative·T)² + floor²; the relative part is
-    /// [`Settings::relative`].
+    /// [`LeafWideSettings::relative`].
     pub rho_t_floor: [f64; 3],
     /// Covariance of ρd and ρt, a channel each: the same dark frame was subtracted from both.
     pub covariance: [f64; 3],

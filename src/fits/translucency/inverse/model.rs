@@ -133,7 +133,7 @@ impl<'a> TissueFitModel<'a> {
     /// Gives each reading the sd of the model's value at `p`.
     ///
     /// # Errors
-    /// As [`Model::images`].
+    /// As [`TissueFitModel::images`].
     pub fn reweigh(&mut self, p: &[f64]) -> Result<()> {
         let levels = self.images(p)?;
         self.weigh(&levels);
@@ -147,7 +147,7 @@ impl<'a> TissueFitModel<'a> {
     /// The same weights with other thickness maps.
     ///
     /// # Errors
-    /// As [`Model::new`].
+    /// As [`TissueFitModel::new`].
     pub fn on<'b>(&self, measured: &'b TissueMeasurement, p: &[f64]) -> Result<TissueFitModel<'b>> {
         let mut model = TissueFitModel::new(measured, &self.options, &self.tissues(p))?;
         model.scale = self.scale;
@@ -211,7 +211,7 @@ impl<'a> TissueFitModel<'a> {
     /// Residuals divided by their sd, for each channel, image and texel.
     ///
     /// # Errors
-    /// As [`Model::images`].
+    /// As [`TissueFitModel::images`].
     pub fn residuals(&self, p: &[f64]) -> Result<Vec<Vec<Vec<f64>>>> {
         let at = self.tissues(p);
         let one = |c: usize| Ok(self.weighted(c, &self.tangent(&at, c)?.run(&self.sources(c))).0);
@@ -221,7 +221,7 @@ impl<'a> TissueFitModel<'a> {
     /// Residuals divided by their sd, and the gradient of half the sum of their squares.
     ///
     /// # Errors
-    /// As [`Model::images`].
+    /// As [`TissueFitModel::images`].
     pub fn score(&self, p: &[f64]) -> Result<(Vec<Vec<Vec<f64>>>, Vec<f64>)> {
         let at = self.tissues(p);
         let one = |c: usize| {
@@ -240,10 +240,10 @@ impl<'a> TissueFitModel<'a> {
     }
 
     /// How the gradient changes with ln of every texel's thickness, for each parameter, thickness map and texel. The
-    /// part that comes from the residuals is left out, as in [`Model::normal`].
+    /// part that comes from the residuals is left out, as in [`TissueFitModel::normal`].
     ///
     /// # Errors
-    /// As [`Model::images`].
+    /// As [`TissueFitModel::images`].
     pub fn pulls(&self, p: &[f64]) -> Result<Vec<Vec<Vec<f64>>>> {
         let at = self.tissues(p);
         let free = if self.options.fix_scale { PARTIALS - 1 } else { PARTIALS };
@@ -271,7 +271,7 @@ impl<'a> TissueFitModel<'a> {
         Ok(pulls)
     }
 
-    /// 1/sd, in the order of [`Model::residuals`].
+    /// 1/sd, in the order of [`TissueFitModel::residuals`].
     pub fn inverse_sd(&self) -> &[Vec<Vec<f64>>] {
         &self.inverse
     }
@@ -284,7 +284,7 @@ impl<'a> TissueFitModel<'a> {
     /// ½χ², its gradient and JᵀWJ, by forward derivatives.
     ///
     /// # Errors
-    /// As [`Model::images`].
+    /// As [`TissueFitModel::images`].
     pub fn normal(&self, p: &[f64]) -> Result<NormalEquations> {
         let at = self.tissues(p);
         let one = |c: usize| -> Result<(f64, [f64; 3], [[f64; 3]; 3])> {

@@ -23,8 +23,8 @@ use nalgebra::{DMatrix, DVector};
 /// What the leaf fit states about the errors of its thickness maps.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ThicknessErrors {
-    /// Standard errors (mm), one map for each of [`Measured::thickness`], in the same columns. No maps mean that the
-    /// thickness is exact.
+    /// Standard errors (mm), one map for each of [`TissueMeasurement::thickness`], in the same columns. No maps mean
+    /// that the thickness is exact.
     pub each: Vec<Vec<f64>>,
     /// Standard deviation (texels) of the Gaussian that the maps were smoothed with; within it, neighbours have similar
     /// errors. 0: every texel's error is independent.
@@ -89,7 +89,7 @@ impl TissueMeasurement {
 /// The effect of the stated errors of the thickness maps at the end `p` of a search.
 ///
 /// # Errors
-/// As [`Model::images`].
+/// As [`TissueFitModel::images`].
 pub fn spread(model: &TissueFitModel, p: &[f64]) -> Result<ThicknessSpread> {
     let (n, errors) = (p.len(), &model.measured.thickness_errors);
     let mut out = ThicknessSpread { scatter: DMatrix::zeros(n, n), shift: DVector::zeros(n), chi2: 0.0 };
@@ -121,7 +121,7 @@ pub fn spread(model: &TissueFitModel, p: &[f64]) -> Result<ThicknessSpread> {
     Ok(out)
 }
 
-/// Adds JᵀW G S GᵀW J. `pulls` is the result of [`Model::pulls`].
+/// Adds JᵀW G S GᵀW J. `pulls` is the result of [`TissueFitModel::pulls`].
 fn scatter(measured: &TissueMeasurement, pulls: &[Vec<Vec<f64>>], into: &mut DMatrix<f64>) {
     let errors = &measured.thickness_errors;
     let kernel = errors.kernel();

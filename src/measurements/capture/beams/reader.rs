@@ -44,7 +44,7 @@ impl BeamsCapture {
 /// One photograph in the lit side's columns, a channel (R G B) each; NaN where there is no reading.
 ///
 /// # Errors
-/// As [`Capture::open`].
+/// As [`BeamsCapture::open`].
 pub fn photograph(folder: &Path, manifest: &BeamsManifest, beam: &BeamPhotograph) -> Result<[Vec<f64>; 3]> {
     let path = folder.join(&beam.file);
     let info = exr_info(&path)?;

@@ -86,7 +86,7 @@ impl DomeInspection {
     }
 }
 
-/// Looks at `CAPTURE`; whatever is wrong with it is in [`Inspection::problems`].
+/// Looks at `CAPTURE`; whatever is wrong with it is in [`DomeInspection::problems`].
 pub fn inspect(folder: &Path) -> DomeInspection {
     let mut found = DomeInspection {
         folder: folder.display().to_string(),

@@ -72,7 +72,7 @@ pub struct DomeMaps {
     /// mm; NaN off the leaf.
     pub thickness: Vec<f64>,
     /// Standard error of each texel's thickness from the scans' noise and the detail that smoothing removed. The error
-    /// of the zero is common to all texels ([`Alignment::offset_err_mm`]).
+    /// of the zero is common to all texels ([`ScanAlignment::offset_err_mm`]).
     pub thickness_err: Vec<f64>,
     /// How the two height scans lie relative to each other.
     pub alignment: ScanAlignment,

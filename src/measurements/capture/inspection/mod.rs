@@ -69,7 +69,7 @@ impl TubeInspection {
 /// all frames when `deep`.
 ///
 /// # Errors
-/// Only [`crate::Error::Interrupted`]; whatever is wrong with the capture is in [`Inspection::problems`].
+/// Only [`crate::Error::Interrupted`]; whatever is wrong with the capture is in [`TubeInspection::problems`].
 pub fn inspect(folder: &Path, deep: bool) -> Result<TubeInspection> {
     let mut found = TubeInspection { folder: folder.display().to_string(), ..TubeInspection::default() };
     let manifest = match TubeManifest::read(folder) {

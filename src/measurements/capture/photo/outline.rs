@@ -40,9 +40,9 @@ pub(super) fn level(values: impl Iterator<Item = f32>, count: usize, q: f64) -> 
 /// the ruler) are not the leaf. At most `most` of the largest are looked at more closely.
 ///
 /// What counts is the contrast of a pixel, its brightness over the sheet's in the channel where that is largest. The
-/// sheet's brightness is first the first quintile of the picture, then the light that the sheet shows ([`Light`]). The
-/// edge of a piece lies halfway, in ratio, between the sheet and the piece's own median: a white ruler's edge is not
-/// the leaf's.
+/// sheet's brightness is first the first quintile of the picture, then the light that the sheet shows ([`SheetLight`]).
+/// The edge of a piece lies halfway, in ratio, between the sheet and the piece's own median: a white ruler's edge is
+/// not the leaf's.
 pub fn on_sheet(picture: &LinearPhotograph, other: &[usize], most: usize) -> PhotoOutline {
     let (w, h) = (picture.width, picture.height);
     let sheet = [0, 1, 2].map(|c: usize| level(picture.pixels.iter().map(|v| v[c]), w * h, 0.2).max(1e-9));

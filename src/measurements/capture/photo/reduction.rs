@@ -3,9 +3,9 @@
 //!
 //! - Reflectance of a side: card's reflectance · (picture/light)/(card/light), where the light over the picture is seen
 //!   on the black sheet ([`super::light`]). What the surface mirrors ([`super::gloss`]) and what the sheet sends back
-//!   through the leaf ([`super::returned`]) are subtracted.
+//!   through the leaf ([`super::interreflection`]) are subtracted.
 //! - Transmittance: (leaf on the table)/(bare table), set to 1 beside the leaf. The ratio is divided by what the leaf's
-//!   underside makes the table behind it brighter by ([`super::returned`]).
+//!   underside makes the table behind it brighter by ([`super::interreflection`]).
 //! - One grid: whole pixels of the front's picture. The other pictures are sampled where their outlines put each place.
 
 use super::gloss::{Gloss, LOBE, gloss};

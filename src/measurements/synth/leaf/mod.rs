@@ -4,9 +4,8 @@
 //! coefficients in 1/mm, albedos in [0, 1].
 
 use super::interior::{InteriorMaps, InteriorTissue};
-use super::outline::BladeContour;
-use super::spec::{InteriorModel, LeafSpec, SurfaceSpec};
-use super::veins::VeinNetwork;
+use super::spec::{InteriorModel, LeafSpec};
+use super::{outline::BladeContour, veins::VeinNetwork};
 use mesophyll_base::random::{mesh, noise};
 use mesophyll_capture::manifest::texel_position;
 use mesophyll_files::image::ChannelMaps;
@@ -103,7 +102,7 @@ pub(crate) fn texel_size(spec: &LeafSpec, width: usize, height: usize) -> f64 {
 
 impl SyntheticLeaf {
     /// Grows the leaf and evaluates its maps at one resolution; `None` when not one texel lies on the blade, or the
-    /// specification does not state what the model asks for ([`Spec::truth`]).
+    /// specification does not state what the model asks for ([`LeafSpec::truth`]).
     pub fn grow(spec: &LeafSpec, model: InteriorModel, width: usize, height: usize) -> Option<SyntheticLeaf> {
         SyntheticLeaf::grow_in(
             spec,
@@ -312,7 +311,7 @@ fn side(
     (width, height, texel): (usize, usize, f64),
     back: bool,
 ) -> SyntheticSide {
-    let surface: &SurfaceSpec = if back { &spec.back } else { &spec.front };
+    let surface = if back { &spec.back } else { &spec.front };
     // Index into the front's maps of what this side's camera sees at (i, j).
     let place_of = |i: usize, j: usize| j * width + if back { width - 1 - i } else { i };
     let seen: Vec<usize> = (0..width * height).map(|k| place_of(k % width, k / width)).collect();
@@ -323,7 +322,6 @@ fn side(
             .collect()
     };
     let vein = |p: &Place| p.vein[0].max(p.vein[1]).max(0.75 * p.vein[2]);
-
     let gamma_raw = |p: &Place| {
         // In pigment leaves the veins are pale because they lack chlorophyll, not through γ.
         let veins = if model == InteriorModel::Exact { vein(p) } else { 0.0 };

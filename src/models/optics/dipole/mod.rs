@@ -7,11 +7,11 @@
 //! extrapolated distance z_b = 2AD. Units: mm and 1/mm.
 //!
 //! There are three forms, by name:
-//! - [`Form::Dipoles`]`(n)`: the paper's sum over j = −n … n, with (1 + σtr ρ) e^(−σtr ρ) where it prints (1 + σtr ρ
-//!   e^(−σtr ρ)). It is valid for d > l. The terms beyond n are 4e-4 of the total at d = .2 mm of the paper's tissue,
-//!   but 28 % of it at σa = .01/mm and 67 % at .001/mm.
-//! - [`Form::Images`]: n = ∞, exact by its Fourier transform. It is valid for d > l (NaN otherwise).
-//! - [`Form::Thin`]: the source is the beam's own exponential, φ/(2A) leaves, and e^(−σt′ d) passes without being
+//! - [`DipoleForm::Dipoles`]`(n)`: the paper's sum over j = −n … n, with (1 + σtr ρ) e^(−σtr ρ) where it prints (1 +
+//! σtr ρ e^(−σtr ρ)). It is valid for d > l. The terms beyond n are 4e-4 of the total at d = .2 mm of the paper's
+//! tissue, but 28 % of it at σa = .01/mm and 67 % at .001/mm.
+//! - [`DipoleForm::Images`]: n = ∞, exact by its Fourier transform. It is valid for d > l (NaN otherwise).
+//! - [`DipoleForm::Thin`]: the source is the beam's own exponential, φ/(2A) leaves, and e^(−σt′ d) passes without being
 //!   scattered. It is valid for every d > 0.
 //!
 //! The table compares the totals with the transport equation (isotropic scattering with σs′ = 9.486/mm, so l is about
@@ -79,7 +79,7 @@ pub enum DipoleForm {
 }
 
 impl DipoleForm {
-    /// The form of this name. `dipoles` is the n of the paper's sum; only [`Form::Dipoles`] uses it.
+    /// The form of this name. `dipoles` is the n of the paper's sum; only [`DipoleForm::Dipoles`] uses it.
     pub fn of(kind: FormKind, dipoles: u32) -> DipoleForm {
         match kind {
             FormKind::Dipoles => DipoleForm::Dipoles(dipoles),
@@ -270,14 +270,14 @@ impl Tissue {
         Coefficients::new(p(self.sigma_a, 0), p(self.sigma_s, 1), p(self.g, 2), self.a)
     }
 
-    /// Whether the form is defined at this thickness (mm): d ≥ 0, and d > l for [`Form::Images`].
+    /// Whether the form is defined at this thickness (mm): d ≥ 0, and d > l for [`DipoleForm::Images`].
     fn defined(&self, d_mm: f64, form: DipoleForm) -> bool {
         d_mm >= 0.0 && (form != DipoleForm::Images || d_mm > self.mean_free_path())
     }
 
     /// T(r, d) in 1/mm²: exitance at distance `r_mm` ≥ 0 per entering flux, of scattered light only. The relative error
-    /// is about 1e-12 for the two exact forms while σtr d < 50. The value is infinite at r = 0 for [`Form::Thin`], NaN
-    /// where the form is not defined, and 0 where it underflows.
+    /// is about 1e-12 for the two exact forms while σtr d < 50. The value is infinite at r = 0 for
+    /// [`DipoleForm::Thin`], NaN where the form is not defined, and 0 where it underflows.
     pub fn transmittance(&self, r_mm: f64, d_mm: f64, form: DipoleForm) -> f64 {
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
             return f64::NAN;
@@ -307,8 +307,8 @@ impl Tissue {
     }
 
     /// [`Tissue::beyond`] and its derivatives by σa, σs, g and a factor on the thickness (∂/∂ ln d). The derivatives of
-    /// [`Form::Dipoles`] by σa are infinite at σa = 0, where a truncated sum has a root; those of the other forms are
-    /// ordinary there.
+    /// [`DipoleForm::Dipoles`] by σa are infinite at σa = 0, where a truncated sum has a root; those of the other forms
+    /// are ordinary there.
     pub fn beyond_with_partials(&self, r_mm: f64, d_mm: f64, form: DipoleForm) -> TissueDual<f64> {
         let d = TissueDual { value: d_mm, by: [0.0, 0.0, 0.0, d_mm] };
         if !(self.defined(d_mm, form) && r_mm >= 0.0) {
@@ -321,8 +321,8 @@ impl Tissue {
         if r_mm == 0.0 { scattered(&c, TissueDual::of(0.0), d, form) } else { in_space(&c, r_mm, d, form)[1] }
     }
 
-    /// Share of the flux that passes unscattered and leaves at r = 0: e^(−σt′ d) for [`Form::Thin`]; 0 for the other
-    /// forms, which have no such part.
+    /// Share of the flux that passes unscattered and leaves at r = 0: e^(−σt′ d) for [`DipoleForm::Thin`]; 0 for the
+    /// other forms, which have no such part.
     pub fn ballistic(&self, d_mm: f64, form: DipoleForm) -> f64 {
         if form == DipoleForm::Thin { (-self.reduced_extinction() * d_mm).exp() } else { 0.0 }
     }

@@ -3,7 +3,7 @@
 
 pub use crate::number::Scalar;
 
-/// Number of parameters that a [`Dual`] is differentiated by.
+/// Number of parameters that a [`TissueDual`] is differentiated by.
 pub const PARTIALS: usize = 4;
 
 /// A number and its derivatives by σa, σs, g and the thickness factor.

@@ -55,7 +55,7 @@ pub struct FoliarRow {
     /// Share that turns back before the mesophyll. Where the lower side is lit, that is light which turns back between
     /// wall and epidermis.
     pub turned: f64,
-    /// The lobe of that share; see [`Turned`].
+    /// The lobe of that share; see [`TiltedLobe`].
     pub lobe: TiltedLobe,
     /// Share that is reflected after it came through the mesophyll, at each wavelength.
     pub diffuse: [f64; 3],
@@ -90,7 +90,7 @@ impl TiltedLobe {
         (1.0 + self.rise * (0.5 - cos * cos) + self.lean * forward).max(0.0)
     }
 
-    /// An upper bound of [`Turned::over_diffuse`].
+    /// An upper bound of [`TiltedLobe::over_diffuse`].
     pub fn most(&self) -> f64 {
         1.0 + 0.5 * self.rise + self.lean.abs()
     }

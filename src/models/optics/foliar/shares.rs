@@ -22,7 +22,7 @@ pub enum FoliarMethod {
     Exact,
 }
 
-/// Reflectance and transmittance, each with its standard error (0 with [`Method::Exact`]), for light that arrives
+/// Reflectance and transmittance, each with its standard error (0 with [`FoliarMethod::Exact`]), for light that arrives
 /// `incidence` radians off the normal. When `stop` returns true, no further rays are followed.
 ///
 /// # Errors

@@ -1,5 +1,5 @@
-//! The slab with nine digits or more. Thin slabs are solved as an integral equation ([`thin`](super::thin)), all others
-//! by discrete ordinates in closed form ([`ordinates`](super::ordinates)).
+//! The slab with nine digits or more. Thin slabs are solved as an integral equation ([`thin`](super::thin_slab)), all
+//! others by discrete ordinates in closed form ([`ordinates`](super::ordinates)).
 //!
 //! The two methods share no formula. Between optical thicknesses Δ = 1e-3 and 0.2 both are valid and agree to better
 //! than 1e-9; a test compares them.

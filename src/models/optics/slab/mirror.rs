@@ -83,8 +83,8 @@ impl FaceReflectance {
         (rest * (1.0 + r2 * y) / ((1.0 - r2) * y)).ln_1p()
     }
 
-    /// How much R exceeds [`Mirror::reflectance`] where `back` is reflected and `on` transmitted by scattering, and
-    /// `passed` is transmitted without. All digits of a weak scatterer are kept.
+    /// How much R exceeds [`FaceReflectance::reflectance`] where `back` is reflected and `on` transmitted by
+    /// scattering, and `passed` is transmitted without. All digits of a weak scatterer are kept.
     pub fn excess(&self, back: f64, on: f64, passed: f64) -> f64 {
         let a = (1.0 - self.r).powi(2);
         let t = passed + on;

@@ -6,7 +6,7 @@
 //! δ(μ−1), I(Δ, −μ) = 0. ρd and ρt are the reflected and transmitted fractions of the flux; ρt includes the unscattered
 //! e^(−Δ). Units: σ in 1/mm, thickness in mm. Any ω in [0, 1] and any Δ ≥ 0 are allowed.
 //!
-//! Three ways lead from σ to ρ: [`response`] is fast (relative error 1e-6), [`exact`] gives nine digits, and
+//! Three ways lead from σ to ρ: [`response`] is fast (relative error 1e-6), [`medium`] gives nine digits, and
 //! [`fn_method`] is the paper's own method. [`inverse`] leads from ρ back to σ. [`faces`] is the slab of another index
 //! than its surroundings, whose faces reflect.
 
@@ -37,7 +37,7 @@ pub struct SlabResponse {
     pub rho_t: f64,
 }
 
-/// Derivatives of a [`Response`] with respect to σa (mm), σs (mm) and the thickness (1/mm).
+/// Derivatives of a [`SlabResponse`] with respect to σa (mm), σs (mm) and the thickness (1/mm).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SlabPartials {
     /// By σa.

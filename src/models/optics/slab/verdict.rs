@@ -38,8 +38,8 @@ const FN_SETTLED: f64 = 1e-3;
 /// Numbers smaller than this are stored with fewer digits than an answer promises.
 const SMALLEST: f64 = 1e-300;
 
-/// How slabs are computed: the method, the cosine of the beam (below 1 with [`Method::Exact`] only), and the slab's
-/// index (above 1 not with [`Method::Fn`]).
+/// How slabs are computed: the method, the cosine of the beam (below 1 with [`SlabMethod::Exact`] only), and the slab's
+/// index (above 1 not with [`SlabMethod::Fn`]).
 pub struct SlabEvaluator {
     method: SlabMethod,
     mu0: f64,

@@ -2,16 +2,17 @@
 //! for many images s at once. s_i is the light that enters texel i of area A_p and thickness d_i, and T is the kernel
 //! of [`crate::dipole`].
 //!
-//! The kernel is that of the thickness where the light enters. Shapes for a few [`Levels`] of thickness are convolved
-//! by FFT, while each texel's total is exactly that of its own thickness. The thin form's unscattered light stays in
-//! its texel. Thickness is in mm; where it is 0, negative or NaN nothing enters (off the leaf, or in a hole, which is
-//! open sky and not tissue).
+//! The kernel is that of the thickness where the light enters. Shapes for a few [`ThicknessLevels`] of thickness are
+//! convolved by FFT, while each texel's total is exactly that of its own thickness. The thin form's unscattered light
+//! stays in its texel. Thickness is in mm; where it is 0, negative or NaN nothing enters (off the leaf, or in a hole,
+//! which is open sky and not tissue).
 
 use super::fourier::{Grid, Spectrum};
 use super::kernel::Kernel;
 use super::levels::{Curves, LevelKind, Nodes, ThicknessLevels};
+pub use super::support::support;
+use super::support::{scattered, total_parts};
 use crate::dipole::{DipoleForm, Tissue};
-use crate::slab;
 use mesophyll_base::error::{Error, Result};
 use mesophyll_base::fourier::Complex;
 use rayon::prelude::*;
@@ -116,7 +117,7 @@ impl Convolver {
 
     /// # Errors
     /// A tissue, texel, level count or thickness out of range; a form for which `thinnest_mm` is too thin
-    /// ([`Form::Thin`] serves every thickness).
+    /// ([`DipoleForm::Thin`] serves every thickness).
     pub fn with(
         settings: &ConvolutionSettings,
         width: usize,
@@ -366,39 +367,6 @@ impl Convolver {
         }
         out
     }
-}
-
-/// Scattered share of the total.
-fn scattered(tissue: &Tissue, d: f64, form: DipoleForm) -> f64 {
-    tissue.beyond(0.0, d, form)
-}
-
-/// Scattered and unscattered light of one unit that enters.
-pub(super) fn total_parts(settings: &ConvolutionSettings, d: f64) -> [f64; 2] {
-    let ConvolutionSettings { tissue, form, .. } = settings;
-    let parts = [scattered(tissue, d, *form), tissue.ballistic(d, *form)];
-    if settings.totals == TotalsSource::Form {
-        return parts;
-    }
-    let whole = parts[0] + parts[1];
-    let wanted = slab::response(tissue.sigma_a, tissue.reduced_scattering(), d).rho_t;
-    if whole > 0.0 { parts.map(|p| p * wanted / whole) } else { [0.0, wanted] }
-}
-
-/// Radius (mm) beyond which less than `tail` of the scattered light leaves.
-pub fn support(tissue: &Tissue, form: DipoleForm, d: f64, tail: f64) -> f64 {
-    let whole = scattered(tissue, d, form);
-    let outside = |r: f64| whole > 0.0 && tissue.beyond(r, d, form).abs() > tail * whole;
-    let mut high = 0.1 * d;
-    while outside(high) && high < 1e4 {
-        high *= 2.0;
-    }
-    let mut low = 0.5 * high;
-    for _ in 0..20 {
-        let middle = 0.5 * (low + high);
-        if outside(middle) { low = middle } else { high = middle }
-    }
-    high
 }
 
 #[cfg(test)]

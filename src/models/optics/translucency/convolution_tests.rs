@@ -3,6 +3,7 @@
 
 use super::super::levels::LevelKind;
 use super::*;
+use crate::slab;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::TAU;

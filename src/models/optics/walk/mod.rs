@@ -3,9 +3,9 @@
 //!
 //! A homogeneous [`Medium`] lies between two faces: planes ([`slab`]), or two height fields on a grid of texels
 //! ([`relief`]). Collisions are weighted by the albedo (survival weights), and weak histories end by Russian roulette,
-//! so every mean is unbiased. Every result is an [`Estimate`] with its standard error. A run depends only on its input
-//! and seed: each batch of histories has its own random stream, and batches are added in order, whatever the number of
-//! threads. Units: mm, 1/mm; fluxes are relative to the flux that enters or arrives.
+//! so every mean is unbiased. Every result is an [`HistoryEstimate`] with its standard error. A run depends only on its
+//! input and seed: each batch of histories has its own random stream, and batches are added in order, whatever the
+//! number of threads. Units: mm, 1/mm; fluxes are relative to the flux that enters or arrives.
 //!
 //! Limits: one homogeneous medium, unpolarised, Henyey–Greenstein scattering. A transmittance far below 1/√(histories)
 //! is found by few or no histories: its standard error then says so, but is itself uncertain. Histories beyond

@@ -33,7 +33,7 @@ pub struct ReliefLeaf {
     pub spread: bool,
 }
 
-/// Totals are shares of the flux that starts; the maps are per unit irradiance (see [`Light`]).
+/// Totals are shares of the flux that starts; the maps are per unit irradiance (see [`IncidentLight`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReliefWalk {
     /// How many histories were run.

@@ -2,7 +2,7 @@
 //!
 //! The scene has one node for the plant, which turns it to y up and scales mm to metres. Below it every branch is a
 //! node, placed in the node of the branch that it grows on. The node's frame is the branch's own, with x along the axis
-//! at its beginning. Its mesh is the bark, and its `extras` hold [`Said`]. Leaves are instances
+//! at its beginning. Its mesh is the bark, and its `extras` hold [`NodeExtras`]. Leaves are instances
 //! (`EXT_mesh_gpu_instancing`) in a node below their branch. The attribute `_AT` gives the place of each leaf on the
 //! branch.
 //!

@@ -1,7 +1,7 @@
 //! Writes a plant that moves as binary glTF with an animation.
 //!
 //! Each branch's node moves with the place where it grows. The bark is a skinned mesh. Its joints are the
-//! cross-sections that carry its vertices in both renderers ([`Carriers`]), and each joint is a node in the
+//! cross-sections that carry its vertices in both renderers ([`BarkCarriers`]), and each joint is a node in the
 //! branch's node. A vertex belongs to one joint only. So at a key, the bark is exactly the pose, and not a mean of two
 //! turns. The branch's own node is the joint of its root. Leaves are nodes in the node of their branch. The nodes
 //! themselves hold the plant's pose at rest.
@@ -62,7 +62,7 @@ impl MovingParts {
 /// Translation (mm) and rotation of a node, relative to the node above it.
 type Place = ([f32; 3], [f32; 4]);
 
-/// The plant's nodes: roots of branches, leaves and joints, in the order of [`Carried::on`].
+/// The plant's nodes: roots of branches, leaves and joints, in the order of [`MovingParts::on`].
 struct Nodes<'a> {
     plant: &'a Plant,
     carried: &'a MovingParts,

@@ -50,7 +50,7 @@ impl Chance {
 /// that of the description.
 ///
 /// # Errors
-/// As [`Spec::read`] and [`Meadow::read`].
+/// As [`PlantSpec::read`] and [`MeadowSpec::read`].
 pub fn described(path: &Path, seed: Option<u64>) -> Result<Plant> {
     let table: toml::Table = spec::parse(path)?;
     match table.contains_key("sward") {

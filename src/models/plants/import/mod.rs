@@ -1,6 +1,6 @@
 //! Finds the branches of a plant that consists of triangles only, as other programs write it. The steps are connected
 //! pieces ([`soup`]), the axis of each ([`axis`]), the pieces that are blades ([`leaf`]), and which branch grows on
-//! which ([`attach`]).
+//! which ([`attachment`]).
 //!
 //! A branch is one connected tube. A branch that cannot be attached is listed with a reason. Lengths are in mm, in the
 //! frame of the file that was read (y up, as in glTF).

@@ -116,7 +116,7 @@ impl<T: BendingScalar> BranchFrame<T> {
         std::array::from_fn(|k| moved[k])
     }
 
-    /// Moves a vertex; `amplitude` as (A_r, A_s) = F/(E′r₁⁴)/L towards r and s (see [`Branch::amplitude_of_tip`]).
+    /// Moves a vertex; `amplitude` as (A_r, A_s) = F/(E′r₁⁴)/L towards r and s (see [`BranchFrame::amplitude_of_tip`]).
     pub fn deform(&self, amplitude: [T; 2], position: [T; 3], tangent: [T; 3], normal: [T; 3]) -> DeformedVertex<T> {
         let local: [T; 3] = std::array::from_fn(|k| position[k] - self.root[k]);
         let along = dot(local, self.t) / self.length;

@@ -20,8 +20,8 @@ pub enum SpectrumMethod {
     #[default]
     InverseAbel,
     /// Not isotropic: the wanted spectrum along x and a narrow band along y. Lines nearly along x
-    /// ([`super::motion::Motion::trajectory`]) have the wanted spectrum, however sharp its resonance is. Lines in other
-    /// directions do not.
+    /// ([`super::motion::MotionTexture::trajectory`]) have the wanted spectrum, however sharp its resonance is. Lines
+    /// in other directions do not.
     Directed,
 }
 

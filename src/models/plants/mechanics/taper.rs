@@ -9,8 +9,8 @@
 //! u ≈ P(y) = a₂y² + a₃y³ + a₄y⁴ + a₅y⁵,    u′ = P′(y) / (w ℓ),    ℓ = ln α / (α − 1)
 //! ```
 //!
-//! The coefficients a are smooth functions of ln α ([`Smooth`]), so a tree hands over its tapers and needs no fit.
-//! [`Shape`] is what a shader gets: eight plain numbers for each branch.
+//! The coefficients a are smooth functions of ln α ([`TaperSeries`]), so a tree hands over its tapers and needs no fit.
+//! [`TaperShape`] is what a shader gets: eight plain numbers for each branch.
 
 use super::beam::{TAPER_MAX, TAPER_MIN};
 use super::scalar::BendingScalar;

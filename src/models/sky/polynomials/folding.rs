@@ -2,9 +2,9 @@
 //!
 //! θ is the angle of a direction from the zenith, γ its angle from the sun, θs the sun's zenith angle and τ the
 //! turbidity. Each of Y, Y/y and Y·x/y is (function of θ)·(function of γ) times a prefactor that depends only on (θs,
-//! τ). The prefactor is kept in closed form ([`Turbid::prefactors`]); XYZ and RGB are linear in the three. What is
-//! left, q_lm(θs, τ), is even in θs for even m and odd for odd m (a sun at −θs is a sun at azimuth π). It is nearly a
-//! polynomial in ln(τ − 1.2029); 1.2029 is where B of the luminance vanishes. So
+//! τ). The prefactor is kept in closed form ([`PreethamTurbidity::prefactors`]); XYZ and RGB are linear in the three.
+//! What is left, q_lm(θs, τ), is even in θs for even m and odd for odd m (a sun at −θs is a sun at azimuth π). It is
+//! nearly a polynomial in ln(τ − 1.2029); 1.2029 is where B of the luminance vanishes. So
 //!
 //! q_lm = Σ_i Σ_{j < J_i} a_ij T_{2i + (m odd)}(2θs/π) T_j(v),   v = ln(τ − 1.2029) scaled to −1 … 1,
 //!
@@ -12,8 +12,8 @@
 //! the other.
 //!
 //! The three functions are stored in a mixed form, u = K P̄ q, where K is the colour matrix and P̄ are the prefactors
-//! at the middle of the domain ([`Mix`]). Then u is nearly RGB already, and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u. Without
-//! the mixing, red would be a small difference of large numbers, and single precision would lose a digit.
+//! at the middle of the domain ([`ColourMix`]). Then u is nearly RGB already, and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u.
+//! Without the mixing, red would be a small difference of large numbers, and single precision would lose a digit.
 
 use super::mix::{ColourMix, OrderIndices, scaled_turbidity};
 use super::{SkyFloat, chebyshev};
@@ -99,7 +99,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
     pub fn mix(&self) -> &ColourMix {
         &self.mix
     }
-    /// The arrays, as [`Folded::new`] takes them.
+    /// The arrays, as [`FoldedPolynomials::new`] takes them.
     pub fn arrays(&self) -> (&[T], &[T]) {
         (&self.even, &self.odd)
     }
@@ -137,7 +137,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
     /// Checks that the fit covers these parameters. Returns the sun's zenith angle, at most π/2.
     ///
     /// # Errors
-    /// [`Refused`] outside the turbidities fitted, and for a sun below the horizon.
+    /// [`SkyRefusal`] outside the turbidities fitted, and for a sun below the horizon.
     pub fn accepts(&self, sun_zenith: f64, turbidity: f64) -> Result<f64, SkyRefusal> {
         check(sun_zenith, turbidity, self.turbidities)
     }
@@ -145,7 +145,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
     /// N² coefficients, sun at azimuth 0.
     ///
     /// # Errors
-    /// As [`Folded::accepts`].
+    /// As [`FoldedPolynomials::accepts`].
     pub fn coefficients(&self, sun_zenith: f64, turbidity: f64) -> Result<HarmonicCoefficients, SkyRefusal> {
         let sun_zenith = self.accepts(sun_zenith, turbidity)?;
         let mut out = vec![[T::default(); 3]; self.bands * self.bands];
@@ -154,7 +154,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
     }
 
     /// Writes N² triples at l(l+1)+m; places of m < 0 are left as they are. Parameters are not checked
-    /// ([`Folded::accepts`]).
+    /// ([`FoldedPolynomials::accepts`]).
     pub fn fill(&self, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
         #[cfg(target_arch = "x86_64")]
         if InstructionSet::detect() >= InstructionSet::Avx2 {
@@ -193,7 +193,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
     /// The polynomials in θs alone that remain when the turbidity is fixed.
     ///
     /// # Errors
-    /// As [`Folded::accepts`].
+    /// As [`FoldedPolynomials::accepts`].
     pub fn at(&self, turbidity: f64) -> Result<FixedSky<T>, SkyRefusal> {
         self.accepts(0.0, turbidity)?;
         let mut columns = [0.0; MOST_COLUMNS];
@@ -248,7 +248,7 @@ impl<T: SkyFloat> FixedSky<T> {
     /// N² coefficients, sun at azimuth 0.
     ///
     /// # Errors
-    /// [`Refused`] for a sun below the horizon.
+    /// [`SkyRefusal`] for a sun below the horizon.
     pub fn coefficients(&self, sun_zenith: f64) -> Result<HarmonicCoefficients, SkyRefusal> {
         let sun_zenith = check(sun_zenith, self.turbid.turbidity, preetham::TURBIDITIES)?;
         let mut out = vec![[T::default(); 3]; self.bands * self.bands];

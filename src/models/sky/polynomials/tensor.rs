@@ -63,7 +63,7 @@ impl<T: SkyFloat> PolynomialTensor<T> {
     pub fn powers(&self) -> [usize; 2] {
         self.powers
     }
-    /// What is stored, in the order of [`Tensor::new`].
+    /// What is stored, in the order of [`PolynomialTensor::new`].
     pub fn values(&self) -> &[T] {
         &self.values
     }
@@ -87,7 +87,7 @@ impl<T: SkyFloat> PolynomialTensor<T> {
     /// N² coefficients, sun at azimuth 0. The sums are computed in `T`, as in the dissertation.
     ///
     /// # Errors
-    /// [`Refused`] outside the turbidities fitted, and for a sun below the horizon.
+    /// [`SkyRefusal`] outside the turbidities fitted, and for a sun below the horizon.
     pub fn coefficients(&self, sun_zenith: f64, turbidity: f64) -> Result<HarmonicCoefficients, SkyRefusal> {
         let sun_zenith = check(sun_zenith, turbidity, self.turbidities)?;
         let (mut a, mut b) = ([0.0; MOST], [0.0; MOST]);

@@ -12,9 +12,9 @@
 //!   spreads that change evenly over u.
 //!
 //! Both are Gauss–Legendre rules and converge geometrically. Everything is even in azimuth, so half of the rays are
-//! enough, and coefficients of m < 0 are zero. The error at [`Quality::Exact`] is ≤ 1e-10 of c00 for Preetham at any
-//! turbidity of 1.7 … 10 and any sun, N ≤ 20 (tested against an adaptive integration in zenith angle and azimuth, and
-//! against half as many nodes more). Hosek–Wilkie's √cosθ and single precision leave 1e-5.
+//! enough, and coefficients of m < 0 are zero. The error at [`ProjectionQuality::Exact`] is ≤ 1e-10 of c00 for Preetham
+//! at any turbidity of 1.7 … 10 and any sun, N ≤ 20 (tested against an adaptive integration in zenith angle and
+//! azimuth, and against half as many nodes more). Hosek–Wilkie's √cosθ and single precision leave 1e-5.
 
 use super::harmonics::{HarmonicBasis, HarmonicCoefficients};
 use super::{Sky, colour, quadrature};
@@ -28,7 +28,7 @@ pub enum ProjectionQuality {
     /// 1e-10 of c00 and better.
     #[default]
     Exact,
-    /// Half as many nodes more, to check [`Quality::Exact`].
+    /// Half as many nodes more, to check [`ProjectionQuality::Exact`].
     Checked,
 }
 

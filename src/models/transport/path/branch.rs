@@ -1,8 +1,8 @@
 //! Light as B1 follows it (§4). Every hit of a leaf sends three rays, with the weights of the table, until the
 //! luminance that they carry falls below a threshold. Direct light uses the diffuse shares of the side.
 //!
-//! This is for comparison with the paper and with [`Tracer::look`], which follows one of the rays at random and loses
-//! no light. Here the number of rays grows with each hit, and light below the threshold is lost.
+//! This is for comparison with the paper and with [`PathTracer::look`], which follows one of the rays at random and
+//! loses no light. Here the number of rays grows with each hit, and light below the threshold is lost.
 
 use super::scattering::ScatterPoint;
 use super::{PathSampler, PathTracer, SamplingStrategy};

@@ -50,7 +50,7 @@ pub struct Canopy<'a> {
 impl<'a> Canopy<'a> {
     /// # Errors
     /// A sentence about a world that is no canopy: it does not repeat, is empty, has no sun above the horizon, or has a
-    /// sky; or [`World::validate`] refuses it.
+    /// sky; or [`ReferenceWorld::validate`] refuses it.
     pub fn new(world: &'a ReferenceWorld, seed: u64) -> Result<Canopy<'a>, String> {
         let bad = |what: &str| Err(what.to_string());
         let Some(size) = world.periodic else { return bad("the scene does not repeat; expected a [periodic]") };

@@ -85,7 +85,7 @@ impl SceneLights {
         if self.sun.is_some() && constant { 1.0 } else { self.sun_share }
     }
 
-    /// Whether [`Lights::draw`] ever gives a direction.
+    /// Whether [`SceneLights::draw`] ever gives a direction.
     pub fn drawn(&self, strategy: SamplingStrategy) -> bool {
         let sky = match &self.sky {
             Sky::None => false,

@@ -129,7 +129,7 @@ struct Brought {
 
 impl<'a> PathTracer<'a> {
     /// # Errors
-    /// [`crate::Error::Input`] when a map, a mesh or an index does not fit; see [`World::validate`].
+    /// [`crate::Error::Input`] when a map, a mesh or an index does not fit; see [`ReferenceWorld::validate`].
     pub fn new(world: &'a ReferenceWorld, paths: PathSettings) -> Result<PathTracer<'a>> {
         world.validate()?;
         Ok(PathTracer { stage: Stage::new(world), lights: SceneLights::new(world), paths })

@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 pub struct SamplingTarget {
     /// Camera paths for each pixel; with `None` drawing goes on until `error` is reached.
     pub samples: Option<u32>,
-    /// Median relative error ([`Picture::median_error`]) at which drawing ends earlier.
+    /// Median relative error ([`PathPicture::median_error`]) at which drawing ends earlier.
     pub error: Option<f64>,
 }
 
@@ -250,7 +250,7 @@ impl PathPicture {
         write_exr(path, &maps, Packing::Zip)
     }
 
-    /// Writes everything that [`Picture::restore`] needs to continue.
+    /// Writes everything that [`PathPicture::restore`] needs to continue.
     ///
     /// # Errors
     /// [`Error::Write`] naming the file.
@@ -270,7 +270,7 @@ impl PathPicture {
         write_exr(path, &maps, Packing::Zip)
     }
 
-    /// Reads what [`Picture::store`] wrote.
+    /// Reads what [`PathPicture::store`] wrote.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is missing, damaged or of another size.

@@ -190,7 +190,7 @@ impl<'a> ScatterPoint<'a> {
         }
     }
 
-    /// Density (1/sr) with which [`Scatter::draw`] gives the unit direction `l`.
+    /// Density (1/sr) with which [`ScatterPoint::draw`] gives the unit direction `l`.
     pub fn density(&self, l: DVec3) -> f64 {
         let mut sum =
             self.choice[0] * self.normal.dot(l).max(0.0) / PI + self.choice[1] * self.far_normal.dot(l).max(0.0) / PI;
@@ -233,7 +233,8 @@ impl<'a> ScatterPoint<'a> {
         })
     }
 
-    /// Whether rays are followed through the layers of the leaf, so that [`Scatter::draw`] alone knows what they carry.
+    /// Whether rays are followed through the layers of the leaf, so that [`ScatterPoint::draw`] alone knows what they
+    /// carry.
     pub fn layered(&self) -> bool {
         self.layers.is_some()
     }
@@ -256,7 +257,8 @@ impl<'a> ScatterPoint<'a> {
         }
     }
 
-    /// What [`Scatter::times_cosine`] multiplies ρd, ρt and ρs by (1/sr), and the last one's derivative by the slope m.
+    /// What [`ScatterPoint::times_cosine`] multiplies ρd, ρt and ρs by (1/sr), and the last one's derivative by the
+    /// slope m.
     pub fn lobes(&self, l: DVec3) -> [f64; 4] {
         if !self.faces(l) {
             return [0.0, self.far_normal.dot(l).max(0.0) / PI, 0.0, 0.0];

@@ -1,9 +1,9 @@
 //! Rays against triangles: which triangle a ray hits first, and whether anything blocks it.
 //!
-//! A [`Shape`] is a mesh with a tree of boxes. A [`Forest`] places shapes, each in any number of instances, and has a
-//! tree of boxes over the instances. The crate `obvhs` builds binary trees (PLOC: Meister & Bittner 2018; reinsertion:
-//! Meister & Bittner 2018). Here they become trees with eight children for each node ([`collapse`]), through which rays
-//! are then followed ([`walk`]).
+//! A [`TriangleTree`] is a mesh with a tree of boxes. A [`InstanceForest`] places shapes, each in any number of
+//! instances, and has a tree of boxes over the instances. The crate `obvhs` builds binary trees (PLOC: Meister &
+//! Bittner 2018; reinsertion: Meister & Bittner 2018). Here they become trees with eight children for each node
+//! ([`wide_tree`]), through which rays are then followed ([`traversal`]).
 //!
 //! The tests of boxes and a first test of triangles use f32, eight at a time. Both are conservative: boxes are rounded
 //! outwards, and the first test accepts every triangle for which rounding leaves any doubt. The accepted triangles are
@@ -12,7 +12,7 @@
 //! is sure that a solid triangle is hit, a search for any hit ends at once, and a search for the nearest hit postpones
 //! the f64 test to its end ([`shape`]).
 //!
-//! Many rays at once are followed in turns ([`many`]), and rays that are close to each other in groups
+//! Many rays at once are followed in turns ([`ray_batch`]), and rays that are close to each other in groups
 //! ([`neighbours`]).
 //!
 //! The caller chooses the units. Each tree uses its own frame, in which its box spans −1 to 1 ([`frame`]), so lengths

@@ -17,7 +17,7 @@ const GROUP: usize = 8;
 type Who = u8;
 
 impl InstanceForest {
-    /// What [`Forest::nearest`] gives, for each of many rays; faster where each ray is close to the next.
+    /// What [`InstanceForest::nearest`] gives, for each of many rays; faster where each ray is close to the next.
     pub fn nearest_of_neighbours<A>(&self, rays: &[Ray], accept: A) -> Vec<Option<RayHit>>
     where
         A: Fn(usize, usize, [f64; 2]) -> bool,

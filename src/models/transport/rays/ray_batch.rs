@@ -1,8 +1,8 @@
 //! Many rays at once: several are followed in turns, a node or a packet each, so that what one needs next comes from
 //! memory while the others are computed.
 //!
-//! The answers are those that each ray gets alone ([`crate::rays::walk`], [`crate::rays::forest`]), bit by bit. It pays
-//! where rays differ; for those that are close to each other see [`crate::rays::neighbours`].
+//! The answers are those that each ray gets alone ([`crate::rays::traversal`], [`crate::rays::forest`]), bit by bit. It
+//! pays where rays differ; for those that are close to each other see [`crate::rays::neighbours`].
 
 use crate::rays::arena::{LEAF, Line, Tree};
 use crate::rays::forest::{Accept, First, InstanceForest, RayHit};
@@ -19,7 +19,7 @@ const TURNS: usize = 16;
 const FEW: usize = 8;
 
 impl InstanceForest {
-    /// What [`Forest::nearest`] gives, for each of many rays; faster where the rays differ.
+    /// What [`InstanceForest::nearest`] gives, for each of many rays; faster where the rays differ.
     pub fn nearest_of_each<A>(&self, rays: &[Ray], accept: A) -> Vec<Option<RayHit>>
     where
         A: Fn(usize, usize, [f64; 2]) -> bool,

@@ -26,11 +26,11 @@ impl TriangleTree {
         TriangleTree::with_solid(positions, indices, |_| false)
     }
 
-    /// Like [`Shape::new`]. All points of a `solid` triangle count as hits, so that `accept` is not called for it,
-    /// which saves time.
+    /// Like [`TriangleTree::new`]. All points of a `solid` triangle count as hits, so that `accept` is not called for
+    /// it, which saves time.
     ///
     /// # Panics
-    /// As [`Shape::new`].
+    /// As [`TriangleTree::new`].
     pub fn with_solid(positions: &[DVec3], indices: &[u32], solid: impl Fn(usize) -> bool) -> TriangleTree {
         let corners = |t: &[u32]| [0, 1, 2].map(|k| positions[t[k] as usize]);
         let triangles: Vec<Triangle> = indices.chunks_exact(3).map(|t| corners(t).map(|p| p.to_array())).collect();

@@ -113,11 +113,11 @@ pub const ROUNDS: u32 = 8;
 #[derive(Debug, Clone, PartialEq)]
 pub struct InstanceTransfer {
     /// The entries anchor by anchor, row by row, column by column: red, green and blue of the light by way of other
-    /// surfaces, and the share that comes straight from the sky. For [`Columns::Light`] the first three contain all
-    /// light.
+    /// surfaces, and the share that comes straight from the sky. For [`TransferColumns::Light`] the first three contain
+    /// all light.
     pub entries: Vec<[f32; 4]>,
     /// Relative standard error of each anchor's irradiance on both sides together, under an even light all around
-    /// (under the scene's own light for [`Columns::Light`]). NaN where no light arrives.
+    /// (under the scene's own light for [`TransferColumns::Light`]). NaN where no light arrives.
     pub errors: Vec<f32>,
 }
 

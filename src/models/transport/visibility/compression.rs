@@ -119,8 +119,8 @@ impl CodedMaps {
         self.model.decode(&self.data[start..end], map).map_err(bad)
     }
 
-    /// The map for a light between the directions: a mixture of the maps around it ([`Directions::blend`]). It is dark
-    /// where there are none.
+    /// The map for a light between the directions: a mixture of the maps around it ([`ShadowDirections::blend`]). It is
+    /// dark where there are none.
     ///
     /// # Errors
     /// As [`CodedMaps::decode`].

@@ -125,7 +125,7 @@ impl ShadowDirections {
         }
     }
 
-    /// Reads the bytes of [`Directions::write`] from the beginning of `bytes`, and removes them.
+    /// Reads the bytes of [`ShadowDirections::write`] from the beginning of `bytes`, and removes them.
     pub(super) fn read(bytes: &mut &[u8]) -> std::result::Result<ShadowDirections, String> {
         let [kind] = take(bytes)?;
         let count = u32::from_le_bytes(take(bytes)?) as usize;

@@ -21,7 +21,7 @@ pub struct VertexPlace {
 pub struct ShadowReceiver {
     /// Index of the instance in the world.
     pub instance: usize,
-    /// Index of the vertex in the instance's blade ([`Receivers::blades`]).
+    /// Index of the vertex in the instance's blade ([`ShadowReceivers::blades`]).
     pub vertex: usize,
     /// Place in the world (mm).
     pub position: DVec3,
@@ -116,7 +116,7 @@ impl ShadowReceivers {
         &self.positions
     }
 
-    /// The normal of each ([`Receiver::normal`]).
+    /// The normal of each ([`ShadowReceiver::normal`]).
     pub fn normals(&self) -> &[DVec3] {
         &self.normals
     }

@@ -3,7 +3,7 @@
 //!
 //! A fitted leaf has two sides, each with a material of its own. Every mesh with a named material therefore gets a
 //! second primitive, the same triangles seen from behind. Texture coordinates of the file are kept. Where there are
-//! none, each flat piece is laid along the fitted blade by its own axes ([`mesophyll_plants::import::flat`]).
+//! none, each flat piece is laid along the fitted blade by its own axes ([`mesophyll_plants::import::flat_pieces`]).
 
 mod assignment;
 mod cards;

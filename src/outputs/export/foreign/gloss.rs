@@ -52,7 +52,7 @@ pub struct LobeTable {
     rows: Vec<Row>,
 }
 
-/// What [`Table::nearest`] finds.
+/// What [`LobeTable::nearest`] finds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NearestLobe {
     /// Matte reflectance.

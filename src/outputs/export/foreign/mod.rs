@@ -1,7 +1,8 @@
 //! A leaf as other programs' materials can hold it, and what is lost on the way.
 //!
-//! Every target's material is written here in f64, as its specification or its source states it. [`target::Target`]
-//! finds the parameters with which it comes nearest to a texel of ours, and [`loss`] says what remains, as numbers.
+//! Every target's material is written here in f64, as its specification or its source states it.
+//! [`target::ExportTarget`] finds the parameters with which it comes nearest to a texel of ours, and [`loss`] says what
+//! remains, as numbers.
 //!
 //! Our own leaf is the one that the path tracer draws, seen from one side: f_r = ρd/π + ρs f_s with the bounded lobe
 //! f_s, and f_t = ρt/π for light that enters the other side. Angles are given by unit vectors, z is the mapped normal

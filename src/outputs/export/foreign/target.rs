@@ -37,7 +37,7 @@ pub enum ExportTarget {
     Obj,
 }
 
-/// One side of a point in a target's numbers. What they mean for a target is said at [`Coder::encode`].
+/// One side of a point in a target's numbers. What they mean for a target is said at [`TargetCoder::encode`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TargetSide {
     /// Matte reflection.

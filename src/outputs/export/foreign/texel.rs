@@ -131,7 +131,7 @@ impl MaterialTexel {
     }
 
     /// f_r and f_t (1/sr) for a viewer and a light above the surface, and for the same light below it. `left` is
-    /// [`Seen::left`].
+    /// [`MaterialTexel::left`].
     pub fn both(&self, v: [f64; 3], l: [f64; 3], left: f64) -> [[f64; 3]; 2] {
         let vh = dot(v, half(v, l));
         let factor = self.shine.map_or([0.0; 3], |s| s.factor(vh));

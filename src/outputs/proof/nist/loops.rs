@@ -1,8 +1,8 @@
 //! The certified problems, solved by the loops that fits of a few parameters use: each strategy of
-//! [`mesophyll_base::solve::damped`] on the same normal equations as the texels, and L-BFGS.
+//! [`mesophyll_base::solvers::damped`] on the same normal equations as the texels, and L-BFGS.
 //!
 //! Of 54 runs, the number of right ones and the mean number of correct digits: trust region
-//! ([`mesophyll_base::solve::lm`], not refined) 54 and 9.2; Marquardt 50 and 8.6; shortened Gauss–Newton 51 and 8.9;
+//! ([`mesophyll_base::solvers::lm`], not refined) 54 and 9.2; Marquardt 50 and 8.6; shortened Gauss–Newton 51 and 8.9;
 //! halved Newton 49 and 8.6; L-BFGS in rounds 51 and 8.8. From the 27 near starts every loop gets all of them right.
 
 use mesophyll_base::solvers::damping::{self, DampedProblem, DampingControl, NormalStep, normal_step};
@@ -34,7 +34,7 @@ fn bare(params: Vec<f64>, cost: f64, termination: Termination, evaluations: usiz
     Fit { params, uncertainty, residuals, cost, at_bound, termination, trace, evaluations }
 }
 
-/// A descent by [`damped::minimize`].
+/// A descent by [`damping::minimize`].
 fn damped(problem: &dyn Problem, start: &[f64], strategy: DampingControl) -> Fit {
     let control = DampingControl { iterations: ITERATIONS, ..strategy };
     match start.len() {

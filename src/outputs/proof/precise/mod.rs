@@ -1,5 +1,6 @@
-//! Arithmetic that answers are checked with: about 31 digits ([`Dd`]), exact derivatives ([`Dual`]), models written
-//! once for both ([`Model`]), and the last digits of a fit ([`refined`]). No fit of a user needs it.
+//! Arithmetic that answers are checked with: about 31 digits ([`DoubleDouble`]), exact derivatives ([`PreciseDual`]),
+//! models written once for both ([`PreciseModel`]), and the last digits of a fit ([`refined`]). No fit of a user needs
+//! it.
 
 mod dd;
 mod dual;

@@ -9,8 +9,8 @@ pub trait PreciseProblem: Problem {
     fn precise(&self, params: &[DoubleDouble], residuals: &mut [DoubleDouble], jacobian: &mut [DoubleDouble]);
 }
 
-/// A model of `N` parameters, written once over any [`Real`]. [`Auto`] makes a problem of it, with exact derivatives
-/// and in double-double.
+/// A model of `N` parameters, written once over any [`PreciseReal`]. [`PreciseModelProblem`] makes a problem of it,
+/// with exact derivatives and in double-double.
 pub trait PreciseModel<const N: usize> {
     /// How many residuals there are.
     fn residuals(&self) -> usize;
@@ -18,7 +18,7 @@ pub trait PreciseModel<const N: usize> {
     fn residual<T: PreciseReal>(&self, params: &[T; N], index: usize) -> T;
 }
 
-/// Derivatives by forward-mode differentiation of a [`Model`].
+/// Derivatives by forward-mode differentiation of a [`PreciseModel`].
 #[derive(Debug, Clone)]
 pub struct PreciseModelProblem<M, const N: usize>(pub M);
 

@@ -5,8 +5,8 @@ use super::dd::DoubleDouble;
 use mesophyll_base::solvers::qr::MatrixScalar;
 use std::fmt::Debug;
 
-/// A real number with the elementary functions. Implemented by `f64`, [`Dd`] (about 31 digits) and [`super::Dual`]
-/// (value and gradient).
+/// A real number with the elementary functions. Implemented by `f64`, [`DoubleDouble`] (about 31 digits) and
+/// [`super::PreciseDual`] (value and gradient).
 pub trait PreciseReal: MatrixScalar + Debug {
     /// A constant known to double-double precision, rounded to what the type holds.
     fn precise(value: DoubleDouble) -> Self;

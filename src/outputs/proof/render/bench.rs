@@ -56,7 +56,7 @@ fn triangle(hit: Option<RayHit>) -> i32 {
 /// a tree.
 ///
 /// # Errors
-/// Those of [`Scene::new`].
+/// Those of [`ProofScene::new`].
 pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
     let foliage = ProofFoliage::new();
     let build = median_us(0.0, || TriangleTree::new(&foliage.positions, &foliage.indices));
@@ -126,7 +126,7 @@ fn without_tree(triangles: &[[DVec3; 3]], kind: &str, ray: &Ray) -> i32 {
 /// The crown and its rays as little-endian numbers, our answers, and our time for a turn.
 ///
 /// # Errors
-/// Those of [`Scene::new`] and [`Scene::told`].
+/// Those of [`ProofScene::new`] and [`ProofScene::told`].
 pub fn peers() -> crate::Result<PeerInputs> {
     let foliage = ProofFoliage::new();
     let floats = |points: &mut dyn Iterator<Item = DVec3>| -> Vec<u8> {

@@ -66,7 +66,7 @@ pub fn levels(mesh: &LeafMesh) -> Vec<MeshDetailLevel> {
 }
 
 /// As [`levels`], with flat pieces as the coarsest lit levels and for shadow maps, where they can stand for the blade.
-/// Their vertices are to be appended to the mesh's. `shown` as in [`flat::flat`].
+/// Their vertices are to be appended to the mesh's. `shown` as in [`flat_blade::flat`].
 pub fn levels_with_pieces(mesh: &LeafMesh, shown: Option<&dyn Fn(DVec2) -> bool>) -> (Vec<MeshDetailLevel>, LeafMesh) {
     let (mut out, mut more) = (levels(mesh), LeafMesh::default());
     let Some(rings) = rings(mesh).filter(|r| !r.is_empty() && upright(mesh)) else { return (out, more) };

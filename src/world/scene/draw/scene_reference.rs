@@ -49,7 +49,7 @@ impl<'a> SceneReference<'a> {
     /// A reference with light `between` leaves, or with direct light alone.
     ///
     /// # Errors
-    /// As [`transport::Renderer::new`].
+    /// As [`transport::ReferenceRenderer::new`].
     pub fn new(world: &'a ReferenceWorld, between: bool) -> Result<SceneReference<'a>> {
         let paths = between.then(|| PathTracer::new(world, PathSettings::default())).transpose()?;
         Ok(SceneReference { direct: transport::ReferenceRenderer::new(world)?, paths })
@@ -58,7 +58,7 @@ impl<'a> SceneReference<'a> {
     /// The picture of a view of the scene, with the seed `seed`.
     ///
     /// # Errors
-    /// As [`Truth::draw`].
+    /// As [`SceneReference::draw`].
     pub fn view(&self, scene: &LoadedScene, view: &SceneView, seed: u64) -> Result<transport::ReferencePicture> {
         self.draw(&reference::camera(view), &view.name, ReferenceSampling::of(scene, seed))
     }

@@ -1,5 +1,5 @@
 //! How sunlight passes through every placed leaf that has translucency maps, for the reference renderer: one map for
-//! each instance and lit side ([`crate::loaded::convolved`]).
+//! each instance and lit side ([`crate::loaded::convolution`]).
 
 use crate::Result;
 use crate::loaded::{LoadedLeaf, LoadedScene};

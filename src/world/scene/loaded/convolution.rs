@@ -161,7 +161,7 @@ impl<'a> LoadedLeaf<'a> {
     /// The interior for the reference renderer, which is made when it is needed for the first time.
     ///
     /// # Errors
-    /// As [`Inside::new`].
+    /// As [`LeafInterior::new`].
     pub fn inside(self) -> Result<Option<&'a LeafInterior>> {
         let cell = &self.loaded.inside;
         if cell.get().is_none() {

@@ -5,8 +5,8 @@ use crate::plan::accuracy::AccuracyRow;
 pub use mesophyll_optics::slab::curve::ResponseCurve;
 use std::time::Instant;
 
-/// [`Curve::sampled`], noted in the ledger as `what`, and the error of linear interpolation for several numbers of
-/// points.
+/// [`ResponseCurve::sampled`], noted in the ledger as `what`, and the error of linear interpolation for several numbers
+/// of points.
 pub fn curve(
     sigma_a: [f64; 3],
     sigma_s: [f64; 3],

@@ -40,7 +40,7 @@ impl LoadedScene {
     /// what its numbers say against each other is said.
     ///
     /// # Errors
-    /// As [`Faults::require`] and [`Scene::faults`].
+    /// As [`ConsistencyFaults::require`] and [`LoadedScene::faults`].
     pub fn require_sound_fits(&self, ledger: &Ledger) -> Result<()> {
         self.faults(ledger)?.require()
     }

@@ -1,7 +1,7 @@
 //! The maps, curves and coefficients that a plan needs, and the figures on which some of its decisions depend.
 //!
-//! [`Scene`] is everything that is known about a scene: the content of its file, the things and their places, the plan,
-//! and the data. Renderers, checks and the window take it as a whole.
+//! [`LoadedScene`] is everything that is known about a scene: the content of its file, the things and their places, the
+//! plan, and the data. Renderers, checks and the window take it as a whole.
 
 pub mod convolution;
 pub mod curve;
@@ -34,7 +34,7 @@ pub struct LoadedScene {
     pub plan: ScenePlan,
     /// The data of each leaf, in the manifest's order.
     pub loaded: Vec<LeafData>,
-    /// Light between leaves, where the scene requests it and [`Scene::find_transfer`] has found it.
+    /// Light between leaves, where the scene requests it and [`LoadedScene::find_transfer`] has found it.
     pub transfer: Option<mesophyll_fits::transfer::TransferFit>,
 }
 
@@ -112,7 +112,7 @@ impl LoadedScene {
     /// Searches for the data of a scene, plans it, and reads the data that the plan needs.
     ///
     /// # Errors
-    /// As [`Placed::new`] and [`Scene::new`].
+    /// As [`PlacedScene::new`] and [`LoadedScene::new`].
     pub fn open(manifest: SceneManifest, search: LeafSearch, ledger: &Ledger) -> Result<LoadedScene> {
         let placed = PlacedScene::new(&manifest, search, ledger)?;
         LoadedScene::new(manifest, placed, ledger)

@@ -1,5 +1,5 @@
 //! Leaves that are stated by the layered model of B1 (`docs/foliar.md`). The path tracer draws them. The real-time
-//! renderer shows a leaf with gloss in place of each ([`mesophyll_transport::foliar::StandIn`]).
+//! renderer shows a leaf with gloss in place of each ([`mesophyll_transport::foliar::MatteLeaf`]).
 
 use super::leaf::UniformLeaf;
 use crate::manifest::{Error, Result};
@@ -105,7 +105,7 @@ impl super::SceneManifest {
     /// Gives all leaves that fade their colour at a time (s).
     ///
     /// # Errors
-    /// As [`super::Manifest::read`].
+    /// As [`super::SceneManifest::read`].
     pub fn age(&mut self, time_s: f64) -> Result<()> {
         self.layer(time_s, true)?;
         self.share();

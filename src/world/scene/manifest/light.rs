@@ -47,7 +47,8 @@ pub struct SceneSky {
     pub environment: Option<PathBuf>,
     /// By how much the environment map is turned from +x towards +y.
     pub rotation_deg: Option<f64>,
-    /// Where the sun is; when absent, it is taken from the environment map if that shows one and there is no [`Sun`].
+    /// Where the sun is; when absent, it is taken from the environment map if that shows one and there is no
+    /// [`SceneSun`].
     pub sun: Option<SunLocation>,
     /// The environment map itself, as read.
     #[serde(skip)]

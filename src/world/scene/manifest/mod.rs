@@ -123,7 +123,7 @@ impl SceneManifest {
     /// Validates the text of a scene file. Names of other files in it are relative to the folder of `path`.
     ///
     /// # Errors
-    /// As [`Manifest::read`].
+    /// As [`SceneManifest::read`].
     pub fn parse(text: &str, path: &Path) -> Result<SceneManifest> {
         let mut manifest: SceneManifest =
             toml::from_str(text).map_err(|e| gone(path, text, Error::toml(path, text, &e)))?;

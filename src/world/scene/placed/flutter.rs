@@ -98,7 +98,7 @@ impl PlacedFlutter {
         sum
     }
 
-    /// The angle (rad) by which a leaf turns at a place and a time (s): [`Fluttering::angle`] within its limits.
+    /// The angle (rad) by which a leaf turns at a place and a time (s): [`PlacedFlutter::angle`] within its limits.
     pub fn turn(&self, place: usize, leaf: usize, time: f64) -> f64 {
         let angle = self.angle(place, leaf, time);
         limited(angle.abs(), FREE, FURTHEST).copysign(angle)

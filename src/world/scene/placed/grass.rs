@@ -210,7 +210,7 @@ impl PlacedLawn {
         (part, (share.floor() * period).extend(0.0))
     }
 
-    /// How far a part is moved within the rectangle number `k` of [`Grass::places`].
+    /// How far a part is moved within the rectangle number `k` of [`PlacedLawn::places`].
     pub fn moved(&self, part: Option<[usize; 2]>, k: usize) -> DVec3 {
         let (Some(seed), Some(part)) = (self.irregular, part) else { return DVec3::ZERO };
         let by = shifted(seed, [k % self.tiles[0], k / self.tiles[0]].map(|n| n as i64));
@@ -226,8 +226,8 @@ impl PlacedLawn {
         self.leaning.is_some() || self.hill.is_some()
     }
 
-    /// Where a blade stands in the rectangle number `k` of [`Grass::places`], relative to the rectangle's middle. A
-    /// hill lifts it, upright as it is, by its height at the blade's first point, which is at its foot.
+    /// Where a blade stands in the rectangle number `k` of [`PlacedLawn::places`], relative to the rectangle's middle.
+    /// A hill lifts it, upright as it is, by its height at the blade's first point, which is at its foot.
     pub fn place_in(&self, leaf: &Leaf, k: usize) -> DMat4 {
         let mut place = leaf.transform;
         if self.irregular.is_some() {

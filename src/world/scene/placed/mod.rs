@@ -51,7 +51,7 @@ pub struct PlacedScene {
     pub eyes: Vec<DVec3>,
     /// The wood of plants.
     pub wood: Vec<PlacedWood>,
-    /// For every shape of a plant's blades, the plant's name and what [`Planted::shapes`] says of it.
+    /// For every shape of a plant's blades, the plant's name and what [`PlacedPlant::shapes`] says of it.
     pub shapes: Vec<(String, (usize, f64, [f64; 2]))>,
     /// Lawns on the ground.
     pub grass: Vec<grass::PlacedLawn>,
@@ -98,7 +98,7 @@ impl PlacedScene {
     /// Takes over plants that were changed. They must be as many as the manifest's, with as many leaves.
     ///
     /// # Errors
-    /// As [`Winds::new`].
+    /// As [`SwayingPlants::new`].
     pub fn replant(&mut self, manifest: &SceneManifest, plants: &[PlacedPlant], ledger: &Ledger) -> Result<()> {
         let Standing { placements, wood, winds } = stand(manifest, plants, ledger)?;
         (self.placements, self.wood, self.winds) = (placements, wood, winds);
@@ -134,7 +134,7 @@ impl PlacedScene {
     /// Searches for one leaf again, after its fit was made.
     ///
     /// # Errors
-    /// As [`Placed::new`].
+    /// As [`PlacedScene::new`].
     pub fn find_again(
         &mut self,
         manifest: &SceneManifest,
@@ -156,7 +156,7 @@ impl PlacedScene {
     /// Makes the maps of leaves whose look is stated, in a run's folder `out`. That takes seconds, unlike a fit.
     ///
     /// # Errors
-    /// As [`missing::fit`].
+    /// As [`maker::fit`].
     pub fn make_looks(
         &mut self,
         manifest: &SceneManifest,

@@ -242,7 +242,7 @@ impl PlacedPlant {
         self.plant.branches.iter().enumerate().filter(move |(_, b)| b.material == material)
     }
 
-    /// The branches of each wood of [`Planted::wood`], with their numbers, in the order in which their bark follows
+    /// The branches of each wood of [`PlacedPlant::wood`], with their numbers, in the order in which their bark follows
     /// there.
     pub fn barks(&self) -> impl Iterator<Item = impl Iterator<Item = (usize, &Branch)>> {
         self.barks.iter().map(|(material, _)| self.made_of(material))

@@ -89,11 +89,11 @@ impl Standing {
 }
 
 /// All plants of a scene at a time (s), in the scene's frame. Branches keep their names if no two are equal. Otherwise
-/// each gets the plant's name as a prefix, as `eval sway` prints it ([`Planted::name_at`]).
+/// each gets the plant's name as a prefix, as `eval sway` prints it ([`PlacedPlant::name_at`]).
 ///
 /// # Errors
 /// [`Error::Input`] for a scene without plants, and for more triangles than a plant's file may have; and those of
-/// [`planted`] and [`Winds::new`].
+/// [`planted`] and [`SwayingPlants::new`].
 pub fn plants(manifest: &SceneManifest, time: f64, ledger: &Ledger) -> Result<Plant> {
     let standing = Standing::new(manifest, ledger)?;
     Ok(standing.plant(manifest, |index, place| standing.pose(index, place, time)))

@@ -19,7 +19,7 @@ pub struct PlantSections {
     /// Branch and share of its axis: those of the leaves in their order, then those of the bark.
     on: Vec<(usize, f64)>,
     leaves: usize,
-    /// For each wood of [`Planted::wood`], the section that carries each vertex.
+    /// For each wood of [`PlacedPlant::wood`], the section that carries each vertex.
     bark: Vec<Arc<Vec<u32>>>,
     /// Number of the plant's first section among those of the scene.
     first: usize,

@@ -178,7 +178,7 @@ pub struct ScenePlan {
 
 impl ScenePlan {
     /// The plan that follows from the placements: the fits, and the needs of each side. After this, leaves are planned
-    /// one by one ([`leaf`]), and [`Plan::finish`] completes the plan.
+    /// one by one ([`leaf`]), and [`ScenePlan::finish`] completes the plan.
     pub fn new(manifest: &SceneManifest, placed: &PlacedScene) -> ScenePlan {
         let mut plan = ScenePlan {
             scene: manifest.name.clone(),

@@ -47,7 +47,7 @@ pub struct SceneEditor {
 }
 
 impl SceneEditor {
-    /// `scene` must be one for a window ([`crate::placed::leaf::Search::free`]), and every leaf must be fitted.
+    /// `scene` must be one for a window ([`crate::placed::leaf::LeafSearch::free`]), and every leaf must be fitted.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a map or a plant that cannot be read.

@@ -48,7 +48,7 @@ impl WindowPlants {
     /// is as before.
     ///
     /// # Errors
-    /// As [`Winds::new`], where a load bends a branch too far, for example.
+    /// As [`SwayingPlants::new`], where a load bends a branch too far, for example.
     pub fn apply(
         &mut self,
         edits: &PlantEdits,

@@ -54,7 +54,7 @@ const LOW_BEAM: f64 = 30.0;
 /// Texels of this size (mm) or larger are coarser than most leaves are thick.
 const COARSE: f64 = 0.2;
 
-/// Looks at `CAPTURE`; whatever is wrong with it is in [`Inspection::problems`].
+/// Looks at `CAPTURE`; whatever is wrong with it is in [`BeamsInspection::problems`].
 pub fn inspect(folder: &Path) -> BeamsInspection {
     let mut found = BeamsInspection {
         folder: folder.display().to_string(),

@@ -13,7 +13,7 @@ pub struct WalkPlace {
     pub lobe: Option<f32>,
     /// Absorption of one thickness, as a power of 2; `None` where nothing absorbs.
     pub absorbs: Option<f32>,
-    /// Whether the crossing's length is that of [`super::super::Path::Sieve`].
+    /// Whether the crossing's length is that of [`super::super::MesophyllPath::Sieve`].
     pub sieve: bool,
     /// Index of this medium over that of the next.
     pub ratio: f32,

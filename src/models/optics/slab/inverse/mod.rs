@@ -23,7 +23,7 @@ pub enum InversionPrecision {
     /// The table: better than 1e-6 in σa and σs wherever they are determined.
     #[default]
     Fast,
-    /// Refined against [`super::exact`]: nine digits.
+    /// Refined against [`super::medium`]: nine digits.
     Exact,
 }
 

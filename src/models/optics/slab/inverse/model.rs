@@ -1,8 +1,8 @@
 //! The slab as the inversion sees it: F₁ and F₂ over L and M, for faces that reflect and for faces that do not.
 //!
-//! With reflecting faces, ρd is counted from what the faces reflect by themselves at the same ρt ([`Mirror`]), and −ln
-//! ρt from the clear slab's. In these numbers the map stays as close to linear as without reflection. Its table is made
-//! when the index is first known, which takes a fraction of a second.
+//! With reflecting faces, ρd is counted from what the faces reflect by themselves at the same ρt ([`FaceReflectance`]),
+//! and −ln ρt from the clear slab's. In these numbers the map stays as close to linear as without reflection. Its table
+//! is made when the index is first known, which takes a fraction of a second.
 
 use super::newton::SlabPoint;
 use crate::slab::faces::{FaceShares, SlabFaces};

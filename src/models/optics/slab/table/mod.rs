@@ -1,4 +1,4 @@
-//! The fast slab: piecewise polynomials fitted to [`super::exact`], read from a committed table of some tens of
+//! The fast slab: piecewise polynomials fitted to [`super::medium`], read from a committed table of some tens of
 //! kilobytes.
 //!
 //! The coordinates follow the scales of the physics, so that few patches are enough: q = ln Δ, and ξ = ln(1 + (1−ω)
@@ -106,7 +106,7 @@ impl SlabTable {
         self.at_log(absorbed, delta, delta.ln())
     }
 
-    /// [`Table::at`] where q = ln Δ is known.
+    /// [`SlabTable::at`] where q = ln Δ is known.
     #[inline]
     pub(crate) fn at_log(&self, absorbed: f64, delta: f64, q: f64) -> TablePoint {
         let (xi, xi_a, xi_d) = coordinate(absorbed, delta, self.extrapolated);
@@ -153,7 +153,7 @@ impl SlabTable {
         8 * (1 + 3 * self.rows.len() + patches * (1 + ORDER * WIDTH))
     }
 
-    /// Reads a table written by [`build::bytes`].
+    /// Reads a table written by [`construction::bytes`].
     fn read(bytes: &[u8], range: [f64; 2], extrapolated: f64) -> SlabTable {
         let mut numbers =
             bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));

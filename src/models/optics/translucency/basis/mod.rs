@@ -7,8 +7,8 @@
 //!
 //! **Projection.** Samples f(ω_m) with solid angles w_m are fitted by least squares: c = G⁻¹ Σ w_m φ(ω_m) f(ω_m), where
 //! G = Σ w_m φ φᵀ is the Gram matrix of the sample set. A function in the span of the basis is reproduced exactly,
-//! whatever the samples. The paper's Eq. 3.21 takes the identity for G ([`Weights::Plain`]). With random directions
-//! that alone costs some per cent on a flat leaf.
+//! whatever the samples. The paper's Eq. 3.21 takes the identity for G ([`SampleWeights::Plain`]). With random
+//! directions that alone costs some per cent on a flat leaf.
 
 use super::lights::{DirectionRule, DirectionSet};
 use nalgebra::DMatrix;
@@ -137,8 +137,8 @@ impl HemisphereBasis {
         }
     }
 
-    /// The basis of that [`Basis::name`]. Fits of former versions have other names for the two that renderers draw;
-    /// these are understood too.
+    /// The basis of that [`HemisphereBasis::name`]. Fits of former versions have other names for the two that renderers
+    /// draw; these are understood too.
     pub fn named(name: &str) -> Option<HemisphereBasis> {
         let name = match name {
             "half-life 2" => "half-life-2",
@@ -203,7 +203,7 @@ impl HemisphereBasis {
         )
     }
 
-    /// Function `i` (below [`Basis::count`]) in a unit direction with z ≥ 0.
+    /// Function `i` (below [`HemisphereBasis::count`]) in a unit direction with z ≥ 0.
     pub fn value(self, i: usize, direction: [f64; 3]) -> f64 {
         let [x, y, z] = direction;
         match self {
@@ -247,8 +247,8 @@ impl HemisphereBasis {
 }
 
 /// A direction whose part along the blade is multiplied by (2z/(1+z))^¼, which is 1 straight above and 0 at the
-/// horizon. The result is not a unit vector. [`Basis::Bent`] evaluates the Half-Life 2 functions there. Of the simple
-/// exponents, ¼ was the best one on grown leaves of two species; 0 (no bending) and ½ were worse.
+/// horizon. The result is not a unit vector. [`HemisphereBasis::Bent`] evaluates the Half-Life 2 functions there. Of
+/// the simple exponents, ¼ was the best one on grown leaves of two species; 0 (no bending) and ½ were worse.
 pub fn bent(direction: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = direction;
     let share = (2.0 * z / (1.0 + z)).max(0.0).sqrt().sqrt();
@@ -278,7 +278,7 @@ fn harmonic(index: usize, t: f64, x: f64, y: f64) -> f64 {
 }
 
 /// The vector v for which v·ω is the reconstruction by Half-Life 2 coefficients. For bent coefficients, the
-/// reconstruction is its product with [`Basis::argument`].
+/// reconstruction is its product with [`HemisphereBasis::argument`].
 pub fn vector(coefficients: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|c| (3.0 / TAU).sqrt() * (0..3).map(|i| coefficients[i] * HALF_LIFE_2[i][c]).sum::<f64>())
 }

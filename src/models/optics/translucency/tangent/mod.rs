@@ -1,16 +1,16 @@
-//! The light that a leaf lets through, as in [`super::convolve`], and its derivatives by ln σa, ln σs′ and the
+//! The light that a leaf lets through, as in [`super::convolution`], and its derivatives by ln σa, ln σs′ and the
 //! logarithm of a factor on the thickness. σa is the absorption, σs′ the reduced scattering.
 //!
-//! Everything that does not change with the tissue (levels, weights, transforms) is a [`Stage`], made once;
-//! [`Stage::at`] gives the transport of one tissue. A factor on the thickness moves the levels too, so their weights
-//! stay the same. The reach of the kernels is fixed by the stage, so cost and gradient are smooth functions of the
-//! tissue. The derivatives are exact ones of the discretised model: shares of the flow and totals are Chebyshev series
-//! in ln r and ln d, and a series is linear in the values it is fitted to.
+//! Everything that does not change with the tissue (levels, weights, transforms) is a [`TangentStage`], made once;
+//! [`TangentStage::at`] gives the transport of one tissue. A factor on the thickness moves the levels too, so their
+//! weights stay the same. The reach of the kernels is fixed by the stage, so cost and gradient are smooth functions of
+//! the tissue. The derivatives are exact ones of the discretised model: shares of the flow and totals are Chebyshev
+//! series in ln r and ln d, and a series is linear in the values it is fitted to.
 //!
-//! There are two ways to the same numbers. [`Tangent::derivative`] is the change of every image along one parameter.
-//! [`Tangent::gradient`] is the change of a weighted sum of all images along every parameter. The latter takes two
-//! transforms for each level and image, the former six for three parameters. [`Tangent::by_thickness`] is the change of
-//! such a sum along the thickness of every texel.
+//! There are two ways to the same numbers. [`TransportTangent::derivative`] is the change of every image along one
+//! parameter. [`TransportTangent::gradient`] is the change of a weighted sum of all images along every parameter. The
+//! latter takes two transforms for each level and image, the former six for three parameters.
+//! [`TransportTangent::by_thickness`] is the change of such a sum along the thickness of every texel.
 
 mod series;
 mod stage;
@@ -37,7 +37,7 @@ pub struct SourceImage<'a> {
     pub light: &'a [f64],
 }
 
-/// The transport of one tissue on a [`Stage`].
+/// The transport of one tissue on a [`TangentStage`].
 #[derive(Debug)]
 pub struct TransportTangent<'a> {
     stage: &'a TangentStage,
@@ -66,7 +66,7 @@ impl TransportTangent<'_> {
         })
     }
 
-    /// The change of [`Tangent::run`] along parameter `p`.
+    /// The change of [`TransportTangent::run`] along parameter `p`.
     ///
     /// # Panics
     /// Where a map has another size than the stage.
@@ -82,7 +82,7 @@ impl TransportTangent<'_> {
         })
     }
 
-    /// Σ over images and texels of `views` times the change of [`Tangent::run`], for every parameter at once.
+    /// Σ over images and texels of `views` times the change of [`TransportTangent::run`], for every parameter at once.
     ///
     /// # Panics
     /// Where a map has another size than the stage.
@@ -128,9 +128,9 @@ impl TransportTangent<'_> {
         gradient
     }
 
-    /// The last entry of [`Tangent::gradient`], texel by texel: Σ over images and their texels of `views` times the
-    /// change of [`Tangent::run`] along ln of one texel's own thickness. The result has one map for each thickness map
-    /// of the stage.
+    /// The last entry of [`TransportTangent::gradient`], texel by texel: Σ over images and their texels of `views`
+    /// times the change of [`TransportTangent::run`] along ln of one texel's own thickness. The result has one map for
+    /// each thickness map of the stage.
     ///
     /// # Panics
     /// Where a map has another size than the stage.

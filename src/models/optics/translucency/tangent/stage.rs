@@ -33,8 +33,8 @@ impl TangentStage {
     /// For maps of `width` × n texels of `texel_mm`. `thickness` (mm) is given for each lit side in its own columns; it
     /// is 0 or NaN where there is no tissue. Kernels end at `reach_mm` (at least one texel, at most the map), where the
     /// outermost texels take the remaining light. `incidences` are cosines (0 to 1) of the lights to the blade's
-    /// normal. With [`Totals::Transport`] the total is that of a beam with this incidence, but the light spreads like
-    /// that of a beam along the normal.
+    /// normal. With [`TotalsSource::Transport`] the total is that of a beam with this incidence, but the light spreads
+    /// like that of a beam along the normal.
     ///
     /// # Errors
     /// Maps of unequal size, no texel with a thickness, no level, a texel that is not positive, a cosine out of range.

@@ -1,7 +1,7 @@
 //! The tube integral for all frames of a pass at once, vectorised over frames. It has the formulas and node sets of
-//! [`super::arc`], but no trigonometry. [`super::Model`] is the reference that it is tested against. In frames that the
-//! texel's horizon cuts, every node across the radius gets its own ends. A Cook–Torrance lobe whose normal leans along
-//! the tube is left to the reference: its G has up to four kinks, whose places are roots of a quartic.
+//! [`super::arc`], but no trigonometry. [`super::TubeModel`] is the reference that it is tested against. In frames that
+//! the texel's horizon cuts, every node across the radius gets its own ends. A Cook–Torrance lobe whose normal leans
+//! along the tube is left to the reference: its G has up to four kinks, whose places are roots of a quartic.
 
 mod arc;
 mod horizon;
@@ -48,7 +48,7 @@ static PASSES: AtomicU64 = AtomicU64::new(1);
 /// A pass of a device, ready for many texels.
 #[derive(Debug, Clone)]
 pub struct PassEvaluator {
-    /// Tells passes apart that share a [`Lit`].
+    /// Tells passes apart that share a [`TubeGeometry`].
     id: u64,
     model: TubeModel,
     travel: Travel,
@@ -189,8 +189,8 @@ impl PassEvaluator {
         &self.across[count]
     }
 
-    /// Fills `columns` (each at least [`Pass::padded`] long) for a unit normal `n`, its changes (none to two) and slope
-    /// `m`.
+    /// Fills `columns` (each at least [`PassEvaluator::padded`] long) for a unit normal `n`, its changes (none to two)
+    /// and slope `m`.
     pub fn respond(
         &self,
         lit: &mut TubeGeometry,

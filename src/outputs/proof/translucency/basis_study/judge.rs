@@ -98,7 +98,7 @@ impl<'a> BasisJudge<'a> {
     }
 
     /// # Errors
-    /// As [`Judge::coefficients`].
+    /// As [`BasisJudge::coefficients`].
     pub fn judge(&self, candidate: BasisCandidate) -> Result<BasisOutcome> {
         let images = self.coefficients(candidate)?;
         let spread = |which: usize| {

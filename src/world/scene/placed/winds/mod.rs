@@ -1,10 +1,10 @@
 //! How the scene's plants move: what every branch carries, how far its load and the wind move it, and when.
 //!
-//! A branch is an oscillator ([`crate::placed::sways`]). The wind's force on everything that it carries is proportional
+//! A branch is an oscillator ([`crate::placed::sway`]). The wind's force on everything that it carries is proportional
 //! to the wind's speed (Eq. 4.19). Gusts come from motion textures. H9 has one for each level of branching, and a
 //! branch with another resonance runs faster through it. The branch's spectrum would then be right only if the wind's
 //! spectrum were a power of the frequency, which it is not. Here, branches share a texture if their resonances are
-//! within [`crate::placed::sways::ALIKE`] of each other, whatever their level.
+//! within [`crate::placed::sway::ALIKE`] of each other, whatever their level.
 
 use crate::manifest::{SceneManifest, StatedFlutter};
 use crate::placed::flutter::{FlutterGusts, PlacedFlutter, TEXTURES};

@@ -1,0 +1,35 @@
+//! How far texels move when they are fitted again under another cause.
+
+use crate::leaf::held_out::TexelParameters;
+
+/// How far a quantity of the texels is from what it is under the right cause.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct TrialBias {
+    /// Relative root mean square difference of ρd.
+    pub rho_d: f64,
+    /// Relative root mean square difference of ρs.
+    pub rho_s: f64,
+    /// Relative root mean square difference of m.
+    pub m: f64,
+    /// Root mean square difference of a component of the normal.
+    pub normal: f64,
+}
+
+pub(super) fn bias(before: &[TexelParameters], after: &[TexelParameters]) -> TrialBias {
+    let rms = |difference: &dyn Fn(&TexelParameters, &TexelParameters) -> f64| {
+        let all: Vec<f64> = before.iter().zip(after).map(|(a, b)| difference(a, b)).filter(|v| v.is_finite()).collect();
+        // The median keeps a texel without gloss from deciding.
+        1.4826 * crate::leaf::outliers::median(all.iter().map(|v| v.abs()).collect())
+    };
+    let relative = |a: [f64; 3], b: [f64; 3]| {
+        let (x, y): (f64, f64) = (a.iter().sum(), b.iter().sum());
+        x / y - 1.0
+    };
+    let or_zero = |v: f64| if v.is_finite() { v } else { 0.0 };
+    TrialBias {
+        rho_d: or_zero(rms(&|a, b| relative(a.rho_d, b.rho_d))),
+        rho_s: or_zero(rms(&|a, b| relative(a.rho_s, b.rho_s))),
+        m: or_zero(rms(&|a, b| a.m / b.m - 1.0)),
+        normal: or_zero(rms(&|a, b| (a.normal[0] - b.normal[0]).hypot(a.normal[1] - b.normal[1]))),
+    }
+}
