@@ -8,7 +8,7 @@ use crate::cli::names::named;
 use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use mesophyll_files::table::{Batch, BatchIo, BatchSpec, InputTable, OutputRow, PhysicalRange, Status, counted};
+use mesophyll_files::table::{Batch, BatchIo, BatchSpec, OutputRow, PhysicalRange, Status, counted};
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::{atomic, progress};
 use mesophyll_fits::slab::{self, CoefficientPrior, Options, SlabMeasurement, SpecularPart};

@@ -1,10 +1,10 @@
 //! "Is this good?": all rules in one place. Every reason is stated; the worst one decides.
 
 use crate::lines::MANY;
-use crate::model::{CheckReport, FitReport, QualityLevel, ReportVerdict, SectionReport, VerdictReason};
+use crate::model::{FitReport, QualityLevel, ReportVerdict, SectionReport, VerdictReason};
 use crate::number::{count, percent, plain};
 use crate::quantity::{parameter, symbol};
-use crate::{captures, held_out, residuals};
+use crate::{held_out, residuals};
 use mesophyll_fits::record::fault::FaultGrade;
 use mesophyll_fits::record::{DISCARDED, FitKind, FitRecord, GAUGE_GAMMA, GAUGE_THICKNESS, READINGS};
 use mesophyll_fits::translucency::judge::NAMES;
