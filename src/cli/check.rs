@@ -134,7 +134,7 @@ pub(super) fn judged(
     use mesophyll_check::{check, interiors};
 
     let report = check(scene, options, ledger)?;
-    let (mut json, mut text) = (report.json(&scene.manifest), report.text());
+    let (mut json, mut text) = (serde_json::to_value(&report).unwrap_or_default(), report.text());
     let stated = scene.placed.stated();
     stated.iter().for_each(|said| text += &format!("{said}\n"));
     json["stated"] = stated.into();
@@ -143,7 +143,7 @@ pub(super) fn judged(
         text += &interiors::text(&rows);
         json["interiors"] = serde_json::to_value(&rows).unwrap_or_default();
     }
-    Ok((report.passed, text, json))
+    Ok((report.passed != Some(false), text, json))
 }
 
 #[cfg(not(feature = "render"))]

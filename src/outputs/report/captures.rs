@@ -5,8 +5,8 @@ use crate::model::{QualityLevel, ReportPicture, VerdictReason};
 use crate::number::significant;
 use crate::scene::picture;
 use crate::size::ReportDetail;
+use mesophyll_scene::verdict::CaptureFigures;
 use serde::Serialize;
-use serde_json::Value;
 use std::path::Path;
 
 /// A leaf as its scan saw it. Errors are in units of the measurement's noise.
@@ -16,9 +16,9 @@ pub struct CaptureRow {
     pub leaf: String,
     pub side: String,
     pub pass: String,
-    pub frame: Option<u64>,
-    pub readings: Option<u64>,
-    pub passed: Option<bool>,
+    pub frame: u64,
+    pub readings: u64,
+    pub passed: bool,
     pub allowed: Option<f64>,
     pub expected: Option<f64>,
     pub renderer_off: Option<f64>,
@@ -35,61 +35,48 @@ pub struct CaptureRow {
     pub pictures: Vec<(String, ReportPicture)>,
 }
 
-/// The rows of a `check.json`; what was skipped, in sentences.
-pub fn read(folder: &Path, json: &Value, pictures: Option<ReportDetail>) -> (Vec<CaptureRow>, Vec<String>) {
-    let list = |key: &str| json.get(key).and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
-    let skipped = list("skipped").iter().filter_map(|s| s.as_str().map(str::to_string)).collect();
-    (list("captures").iter().map(|c| row(folder, c, pictures)).collect(), skipped)
+/// The rows of a `check.json`.
+pub fn rows(folder: &Path, captures: Vec<CaptureFigures>, pictures: Option<ReportDetail>) -> Vec<CaptureRow> {
+    captures.into_iter().map(|c| row(folder, c, pictures)).collect()
 }
 
-fn row(folder: &Path, json: &Value, pictures: Option<ReportDetail>) -> CaptureRow {
-    let text = |key: &str| json.get(key).and_then(Value::as_str).unwrap_or_default().to_string();
-    let of = |who: &str, key: &str| json.get(who).and_then(|v| v.get(key)).and_then(Value::as_f64);
-    let whole = |key: &str| json.get(key).and_then(Value::as_u64);
-    let name = text("name");
+fn row(folder: &Path, c: CaptureFigures, pictures: Option<ReportDetail>) -> CaptureRow {
     let shown = [
-        ("measured_image", "Measured; the fit did not see it."),
-        ("image", "Renderer."),
-        ("reference_image", "Reference."),
-        ("residual_image", "Measured less the renderer's, green: blue −4 σ, white 0, red +4 σ."),
+        (&c.measured_image, "Measured; the fit did not see it."),
+        (&c.image, "Renderer."),
+        (&c.reference_image, "Reference."),
+        (&c.residual_image, "Measured less the renderer's, green: blue −4 σ, white 0, red +4 σ."),
     ];
-    let find = |(key, caption): (&str, &str)| {
-        let file = json.get(key).and_then(Value::as_str)?;
-        Some((
-            caption.to_string(),
-            picture(folder, Some(file), &name, &[], &format!("{name}: {caption}"), pictures?.aside)?,
-        ))
+    let find = |(file, caption): (&Option<String>, &str)| {
+        let alt = format!("{}: {caption}", c.name);
+        Some((caption.to_string(), picture(folder, file.as_deref(), &c.name, &[], &alt, pictures?.aside)?))
     };
+    let pictures = shown.into_iter().filter(|(file, _)| file.is_some()).filter_map(find).collect();
+    let known = |v: f64| v.is_finite().then_some(v);
     CaptureRow {
-        leaf: text("leaf"),
-        side: text("side"),
-        pass: text("pass"),
-        frame: whole("frame"),
-        readings: whole("readings"),
-        passed: json.get("passed").and_then(Value::as_bool),
-        allowed: json.get("allowed").and_then(Value::as_f64),
-        expected: json.get("expected").and_then(Value::as_f64),
-        renderer_off: of("renderer", "off"),
-        renderer_chi2: of("renderer", "reduced_chi2"),
-        reference_off: of("reference", "off"),
-        reference_chi2: of("reference", "reduced_chi2"),
-        bounded_off: of("bounded", "off"),
-        from_model: of("renderer", "from_model"),
-        why: json
-            .get("why")
-            .and_then(Value::as_array)
-            .into_iter()
-            .flatten()
-            .filter_map(|w| w.as_str().map(str::to_string))
-            .collect(),
-        pictures: shown.into_iter().filter_map(find).collect(),
-        name,
+        frame: c.frame as u64,
+        readings: c.readings as u64,
+        passed: c.passed,
+        allowed: known(c.allowed),
+        expected: known(c.expected),
+        renderer_off: known(c.renderer.off),
+        renderer_chi2: known(c.renderer.reduced_chi2),
+        reference_off: known(c.reference.off),
+        reference_chi2: known(c.reference.reduced_chi2),
+        bounded_off: known(c.bounded.off),
+        from_model: known(c.renderer.from_model),
+        pictures,
+        name: c.name,
+        leaf: c.leaf,
+        side: c.side,
+        pass: c.pass,
+        why: c.why,
     }
 }
 
 /// The verdict's sentence about these rows; `None` where there are none.
 pub fn reason(rows: &[CaptureRow]) -> Option<VerdictReason> {
-    let missed: Vec<&str> = rows.iter().filter(|r| r.passed != Some(true)).map(|r| r.name.as_str()).collect();
+    let missed: Vec<&str> = rows.iter().filter(|r| !r.passed).map(|r| r.name.as_str()).collect();
     if !missed.is_empty() {
         return Some(VerdictReason {
             level: QualityLevel::Bad,

@@ -6,6 +6,7 @@ use crate::model::{
 use crate::number::{count, duration, percent, plain};
 use crate::quantity::{channel_word, parameter, symbol};
 use crate::{figure, lines};
+use mesophyll_scene::manifest::ViewKind;
 use std::fmt::Write;
 
 /// Renders a report.
@@ -293,7 +294,7 @@ fn check(out: &mut String, c: &CheckReport) {
         let get = |name: &str| v.figures.get(name).copied();
         let limit = |name: &str| get(name).map_or_else(|| "not judged".into(), plain);
         // A card is compared with a formula; its look is not compared with the reference.
-        let flip = if v.kind == "card" { "not judged".into() } else { limit("threshold_flip_p99") };
+        let flip = if v.kind == ViewKind::Card { "not judged".into() } else { limit("threshold_flip_p99") };
         let [found, noise, error, error_noise] =
             ["flip_p99", "noise_flip_p99", "max_error", "noise_max_error"].map(|name| or_dash(get(name), plain));
         let times = ["frame_ms_median", "frame_ms_p95"].map(|name| or_dash(get(name), plain));

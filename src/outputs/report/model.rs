@@ -6,7 +6,8 @@ use crate::stats::MapSummary;
 use crate::values::MapValues;
 use mesophyll_base::solvers::TraceRow;
 use mesophyll_fits::record::{FitKind, FitPhase, ResidualStatistics, TruthError};
-use serde::Serialize;
+use mesophyll_scene::manifest::ViewKind;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A level of quality. The levels are ordered, so that the worst reason decides.
@@ -215,16 +216,19 @@ pub struct MapDifference {
     pub beyond95: Option<f64>,
 }
 
-/// `plan.json`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+/// `plan.json`, as far as the report shows it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct PlanReport {
     pub folder: String,
-    pub needed: Vec<PlanItem>,
-    pub left_out: Vec<PlanItem>,
+    pub needed: Vec<PlanRow>,
+    pub left_out: Vec<PlanRow>,
 }
 
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct PlanItem {
+/// What a scene needs or can do without.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PlanRow {
     pub name: String,
     pub reason: String,
     pub saved: String,
@@ -246,9 +250,8 @@ pub struct CheckReport {
 #[derive(Debug, Clone, Serialize)]
 pub struct ViewReport {
     pub name: String,
-    /// What the picture is compared with: `perspective` (the reference renderer), `card` (a closed form), or empty
-    /// where this is not stated.
-    pub kind: String,
+    /// What it shows; a card is compared with a closed form.
+    pub kind: ViewKind,
     pub passed: Option<bool>,
     /// What missed its threshold, one sentence each.
     pub why: Vec<String>,

@@ -1,71 +1,67 @@
-//! `check.json` and `plan.json` as rows. Both are read leniently: what they do not state is left empty, never invented.
+//! `check.json` and `plan.json` as rows. What they do not state is left empty, never invented.
 
 use crate::captures;
 use crate::colour::data_uri;
-use crate::model::{CheckReport, PictureTexels, PlanItem, PlanReport, ReportPicture, ViewReport};
+use crate::model::{CheckReport, PictureTexels, PlanReport, ReportPicture, ViewReport};
 use crate::packing::repacked;
 use crate::size::ReportDetail;
 use crate::{Error, Result};
 use mesophyll_files::atomic::explain;
-use serde_json::Value;
+use mesophyll_scene::verdict::{CheckVerdict, ViewFigures};
+use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// `FOLDER/check.json` with the pictures beside it; `None` when there is none.
 ///
 /// # Errors
-/// [`Error::Input`] when the file exists and is not JSON.
+/// [`Error::Input`] when the file exists and is not what a check writes.
 pub(crate) fn read_check(folder: &Path, pictures: Option<ReportDetail>) -> Result<Option<CheckReport>> {
-    let Some(json) = read_json(&folder.join("check.json"))? else { return Ok(None) };
+    let Some(verdict) = read_json::<CheckVerdict>(&folder.join("check.json"))? else { return Ok(None) };
     let mut missing = Vec::new();
-    let views = json.get("views").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
-    let views = views.iter().enumerate().map(|(k, v)| view(folder, k, v, pictures, &mut missing)).collect();
-    let (captures, skipped) = captures::read(folder, &json, pictures);
+    let views = verdict.views.iter().map(|v| view(folder, v, pictures, &mut missing)).collect();
+    let named = !verdict.adapter.is_empty();
     Ok(Some(CheckReport {
         folder: folder.display().to_string(),
-        passed: json.get("passed").and_then(Value::as_bool),
-        adapter: json.get("adapter").map(text).filter(|a| !a.is_empty()).unwrap_or_else(|| "adapter not named".into()),
+        passed: verdict.passed,
+        adapter: if named { verdict.adapter } else { "adapter not named".into() },
         views,
-        captures,
-        skipped,
+        captures: captures::rows(folder, verdict.captures, pictures),
+        skipped: verdict.skipped,
         missing,
     }))
 }
 
-fn view(
-    folder: &Path,
-    index: usize,
-    json: &Value,
-    pictures: Option<ReportDetail>,
-    missing: &mut Vec<String>,
-) -> ViewReport {
-    let name = json.get("name").map_or_else(|| format!("view {}", index + 1), text);
-    let figures: BTreeMap<String, f64> = json
-        .as_object()
-        .map(|o| o.iter().filter_map(|(k, v)| Some((k.clone(), v.as_f64()?))).collect())
-        .unwrap_or_default();
-    let mut find = |kind: &str, endings: &[&str]| {
+fn view(folder: &Path, of: &ViewFigures, pictures: Option<ReportDetail>, missing: &mut Vec<String>) -> ViewReport {
+    let name = of.name.clone();
+    let files = of.pictures.as_ref();
+    let mut find = |kind: &str, named: Option<&String>, endings: &[&str]| {
         let step = if matches!(kind, "flip" | "difference") { pictures?.aside } else { pictures?.shots };
-        let named = json.get(kind).and_then(Value::as_str);
-        let found = picture(folder, named, &name, endings, &format!("{name}: {kind}"), step);
+        let found = picture(folder, named.map(String::as_str), &name, endings, &format!("{name}: {kind}"), step);
         if found.is_none() {
             missing.push(format!("view {name}: no {kind} picture"));
         }
         found
     };
-    let image = find("image", &["", "-image", "_image", ".image"]);
-    let reference = find("reference", &["-reference", "_reference", ".reference"]);
-    let difference = find("difference", &["-difference", "_difference", ".difference", "-diff", "_diff", ".diff"]);
-    let flip = find("flip", &["-flip", "_flip", ".flip"]);
-    let kind = json.get("kind").map(text).unwrap_or_default();
-    let why = json.get("why").and_then(Value::as_array).map(|w| w.iter().map(text).collect()).unwrap_or_default();
-    let true_leaf = json.get("true_leaf").and_then(Value::as_str).zip(pictures);
+    let image = find("image", files.map(|f| &f.image), &["", "-image", "_image", ".image"]);
+    let reference = find("reference", files.map(|f| &f.reference), &["-reference", "_reference", ".reference"]);
+    let difference = find(
+        "difference",
+        files.map(|f| &f.difference),
+        &["-difference", "_difference", ".difference", "-diff", "_diff", ".diff"],
+    );
+    let flip = find("flip", files.map(|f| &f.flip), &["-flip", "_flip", ".flip"]);
     let alt = format!("{name}: the true leaf");
-    let true_leaf = true_leaf.and_then(|(file, detail)| picture(folder, Some(file), &name, &[], &alt, detail.shots));
+    let true_leaf = of.true_leaf.as_ref().zip(pictures);
+    let true_leaf = true_leaf.and_then(|(t, detail)| picture(folder, Some(&t.picture), &name, &[], &alt, detail.shots));
+    // The tables of the page name the figures as the file does.
+    let json = serde_json::to_value(of).unwrap_or_default();
+    let numbers = json.as_object().into_iter().flatten().filter_map(|(k, v)| Some((k.clone(), v.as_f64()?)));
+    let figures: BTreeMap<String, f64> = numbers.collect();
     ViewReport {
-        passed: json.get("passed").and_then(Value::as_bool),
-        kind,
-        why,
+        passed: of.passed,
+        kind: of.kind,
+        why: of.why.clone(),
         name,
         figures,
         image,
@@ -104,34 +100,17 @@ pub(super) fn picture(
 
 /// `FOLDER/plan.json`; `None` when there is none.
 pub(crate) fn read_plan(folder: &Path) -> Result<Option<PlanReport>> {
-    let Some(json) = read_json(&folder.join("plan.json"))? else { return Ok(None) };
-    let list = |key: &str| {
-        let items = json.get(key).and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
-        items.iter().map(item).collect()
-    };
-    Ok(Some(PlanReport { folder: folder.display().to_string(), needed: list("needed"), left_out: list("left_out") }))
+    let found = read_json::<PlanReport>(&folder.join("plan.json"))?;
+    Ok(found.map(|plan| PlanReport { folder: folder.display().to_string(), ..plan }))
 }
 
-fn item(json: &Value) -> PlanItem {
-    let field = |key: &str| json.get(key).map(text).unwrap_or_default();
-    match json {
-        Value::Object(_) => PlanItem { name: field("name"), reason: field("reason"), saved: field("saved") },
-        other => PlanItem { name: text(other), ..PlanItem::default() },
-    }
-}
-
-fn text(value: &Value) -> String {
-    match value {
-        Value::String(s) => s.clone(),
-        Value::Null => String::new(),
-        other => other.to_string(),
-    }
-}
-
-fn read_json(path: &Path) -> Result<Option<Value>> {
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
     if !path.exists() {
         return Ok(None);
     }
     let content = std::fs::read_to_string(path).map_err(|e| Error::input(path, explain(&e)))?;
-    serde_json::from_str(&content).map(Some).map_err(|e| Error::input(path, format!("not readable as JSON: {e}")))
+    serde_json::from_str(&content).map(Some).map_err(|e| {
+        let what = if e.is_data() { "not what this program writes there" } else { "not readable as JSON" };
+        Error::input(path, format!("{what}: {e}"))
+    })
 }

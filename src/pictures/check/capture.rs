@@ -10,7 +10,6 @@
 //! two standard errors of chance and to what a right fit leaves. The tube model's own prediction from the folder's maps
 //! must be within one unit, and so must the light box's transmittance by the slab of σa, σs and h + δ.
 
-use crate::report::exceeds;
 use crate::{Options, told};
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::image::{to_srgb8, write_png};
@@ -21,72 +20,14 @@ use mesophyll_optics::side::Side;
 use mesophyll_scene::draw::scan::ScanSide;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::{SceneView, ViewKind};
+use mesophyll_scene::verdict::{CaptureComparison, CaptureFigures, exceeds};
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
-use serde::Serialize;
 
 /// Pictures need not be more accurate than this share of a value.
 const PICTURE: f64 = 0.005;
 /// The error of a picture that is allowed where the view does not state one.
 const ALLOWED: f64 = 0.5;
-
-/// One frame, drawn twice and compared.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CaptureFigures {
-    /// Name of the view.
-    pub name: String,
-    /// Name of the leaf in the scene.
-    pub leaf: String,
-    /// `front` or `back`.
-    pub side: &'static str,
-    /// Along which axis the tube travelled: `x` or `y`.
-    pub pass: &'static str,
-    /// Number of the frame in its pass.
-    pub frame: usize,
-    /// Readings compared: texels times channels.
-    pub readings: usize,
-    /// Mean square that a right fit leaves, in the units of the rule.
-    pub expected: f64,
-    /// The error of pictures that is allowed.
-    pub allowed: f64,
-    /// The real-time renderer's picture.
-    pub renderer: CaptureComparison,
-    /// The reference renderer's picture.
-    pub reference: CaptureComparison,
-    /// The renderer's picture with the V-cavity factor that bounds gloss in scenes, and that the fit's lobe does not
-    /// have. It is printed, not judged.
-    pub bounded: CaptureComparison,
-    /// Errors of the tube model's prediction and of the light box, each in units of its own noise.
-    pub model_off: f64,
-    /// Error of the light box; `None` where the scan has none.
-    pub light_box_off: Option<f64>,
-    /// File of the measured frame.
-    pub measured_image: Option<String>,
-    /// File of the real-time renderer's picture.
-    pub image: Option<String>,
-    /// File of the reference's picture.
-    pub reference_image: Option<String>,
-    /// Residuals of the renderer's picture: blue −4, white 0, red +4 units.
-    pub residual_image: Option<String>,
-    /// Whether both pictures are as close to the measurement as the view asks.
-    pub passed: bool,
-    /// The limits that were missed, in one sentence each.
-    pub why: Vec<String>,
-}
-
-/// A picture compared with the measurement, in the units of the rule.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct CaptureComparison {
-    pub reduced_chi2: f64,
-    /// Error beyond noise and chance.
-    pub off: f64,
-    pub share_beyond_3: f64,
-    pub bias: f64,
-    /// Distance from the exact tube integral, root mean square and largest. It does not depend on the measurement's
-    /// noise.
-    pub from_model: f64,
-    pub from_model_most: f64,
-}
 
 /// Draws and judges every capture view of the scene, and one frame for each side of every other fit that stores frames.
 /// Sentences say what was skipped.
@@ -188,8 +129,8 @@ fn one(
     let mut out = CaptureFigures {
         name,
         leaf: scanned.fitted.name.clone(),
-        side: scanned.side.name(),
-        pass: frame.travel.name(),
+        side: scanned.side.name().into(),
+        pass: frame.travel.name().into(),
         frame: frame.frame,
         readings: frame.readings,
         expected,
@@ -206,8 +147,8 @@ fn one(
         passed: false,
         why: Vec::new(),
     };
-    out.judge();
-    out.draw(kept, frame, options, &drawn, &exact, &z)?;
+    judge(&mut out);
+    draw(&mut out, kept, frame, options, &drawn, &exact, &z)?;
     Ok(out)
 }
 
@@ -247,98 +188,64 @@ fn compare(
     (out, expected, green)
 }
 
-impl CaptureFigures {
-    fn judge(&mut self) {
-        for (who, drawn) in [("the renderer's picture", self.renderer), ("the reference's picture", self.reference)] {
-            if exceeds(drawn.off, self.allowed) {
-                self.why.push(format!(
-                    "{who} is off by {:.2} of the measurement's noise, at most {:.2} allowed (reduced χ² {:.3}, {:.3} \
-                     expected)",
-                    drawn.off, self.allowed, drawn.reduced_chi2, self.expected
-                ));
+fn judge(out: &mut CaptureFigures) {
+    for (who, drawn) in [("the renderer's picture", out.renderer), ("the reference's picture", out.reference)] {
+        if exceeds(drawn.off, out.allowed) {
+            out.why.push(format!(
+                "{who} is off by {:.2} of the measurement's noise, at most {:.2} allowed (reduced χ² {:.3}, {:.3} \
+                 expected)",
+                drawn.off, out.allowed, drawn.reduced_chi2, out.expected
+            ));
+        }
+    }
+    if exceeds(out.model_off, BAD) {
+        out.why.push(format!(
+            "the fit's maps predict this frame off by {:.2} of its noise, at most {BAD:.2} allowed",
+            out.model_off
+        ));
+    }
+    if let Some(off) = out.light_box_off.filter(|o| exceeds(*o, BAD)) {
+        out.why.push(format!("σa, σs and h + δ miss the light box by {off:.2} of its noise, at most {BAD:.2} allowed"));
+    }
+    if out.readings == 0 {
+        out.why.push("nothing was compared: no texel of the frame is good".into());
+    }
+}
+
+fn draw(
+    out: &mut CaptureFigures,
+    kept: &StoredFrames,
+    frame: &StoredFrame,
+    options: &Options,
+    drawn: &dyn Fn(usize) -> [f64; 3],
+    exact: &dyn Fn(usize) -> [f64; 3],
+    z: &[f32],
+) -> Result<()> {
+    let brightest = frame.measured.iter().flatten().copied().filter(|v| v.is_finite()).fold(0f32, f32::max).max(1e-6);
+    let gain = 0.9 / brightest;
+    let save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| -> Result<Option<String>> {
+        let shown = |k: usize| {
+            if z[k].is_nan() {
+                [0; 4]
+            } else {
+                let [r, g, b] = pixel(k);
+                [r, g, b, 255]
             }
-        }
-        if exceeds(self.model_off, BAD) {
-            self.why.push(format!(
-                "the fit's maps predict this frame off by {:.2} of its noise, at most {BAD:.2} allowed",
-                self.model_off
-            ));
-        }
-        if let Some(off) = self.light_box_off.filter(|o| exceeds(*o, BAD)) {
-            self.why.push(format!(
-                "σa, σs and h + δ miss the light box by {off:.2} of its noise, at most {BAD:.2} allowed"
-            ));
-        }
-        if self.readings == 0 {
-            self.why.push("nothing was compared: no texel of the frame is good".into());
-        }
-    }
-
-    fn draw(
-        &mut self,
-        kept: &StoredFrames,
-        frame: &StoredFrame,
-        options: &Options,
-        drawn: &dyn Fn(usize) -> [f64; 3],
-        exact: &dyn Fn(usize) -> [f64; 3],
-        z: &[f32],
-    ) -> Result<()> {
-        let brightest =
-            frame.measured.iter().flatten().copied().filter(|v| v.is_finite()).fold(0f32, f32::max).max(1e-6);
-        let gain = 0.9 / brightest;
-        let save = |what: &str, pixel: &dyn Fn(usize) -> [u8; 3]| -> Result<Option<String>> {
-            let shown = |k: usize| {
-                if z[k].is_nan() {
-                    [0; 4]
-                } else {
-                    let [r, g, b] = pixel(k);
-                    [r, g, b, 255]
-                }
-            };
-            let bytes: Vec<u8> = (0..z.len()).flat_map(shown).collect();
-            let file = if what.is_empty() { format!("{}.png", self.name) } else { format!("{}-{what}.png", self.name) };
-            write_png(&options.out.join(&file), kept.width, kept.height, &bytes)?;
-            Ok(Some(file))
         };
-        let colour = |v: [f64; 3]| v.map(|x| to_srgb8(x as f32 * gain));
-        let measured = save("measured", &|k| [0, 1, 2].map(|c: usize| to_srgb8(frame.measured[c][k] * gain)))?;
-        let image = save("", &|k| colour(drawn(k)))?;
-        let reference = save("reference", &|k| colour(exact(k)))?;
-        let residual = save("residual", &|k| {
-            let t = f64::from(z[k] / 4.0).clamp(-1.0, 1.0);
-            let fade = (255.0 * (1.0 - t.abs())) as u8;
-            if t > 0.0 { [255, fade, fade] } else { [fade, fade, 255] }
-        })?;
-        (self.measured_image, self.image, self.reference_image, self.residual_image) =
-            (measured, image, reference, residual);
-        Ok(())
-    }
-
-    /// One line in words.
-    pub fn line(&self) -> String {
-        let mut line = format!(
-            "{}  {}: {} {}, held-out frame {} {}: the picture is off by {:.2} of the measurement's noise, the \
-             reference by {:.2} (allowed {:.2}); \
-             reduced χ² {:.3} and {:.3}, {:.3} expected, {} readings; with the V-cavity factor of scenes it is off by \
-             {:.2}",
-            if self.passed { "passed" } else { "MISSED" },
-            self.name,
-            self.leaf,
-            self.side,
-            self.pass,
-            self.frame,
-            self.renderer.off,
-            self.reference.off,
-            self.allowed,
-            self.renderer.reduced_chi2,
-            self.reference.reduced_chi2,
-            self.expected,
-            self.readings,
-            self.bounded.off
-        );
-        for why in &self.why {
-            line += &format!("\n        {why}");
-        }
-        line
-    }
+        let bytes: Vec<u8> = (0..z.len()).flat_map(shown).collect();
+        let file = if what.is_empty() { format!("{}.png", out.name) } else { format!("{}-{what}.png", out.name) };
+        write_png(&options.out.join(&file), kept.width, kept.height, &bytes)?;
+        Ok(Some(file))
+    };
+    let colour = |v: [f64; 3]| v.map(|x| to_srgb8(x as f32 * gain));
+    let measured = save("measured", &|k| [0, 1, 2].map(|c: usize| to_srgb8(frame.measured[c][k] * gain)))?;
+    let image = save("", &|k| colour(drawn(k)))?;
+    let reference = save("reference", &|k| colour(exact(k)))?;
+    let residual = save("residual", &|k| {
+        let t = f64::from(z[k] / 4.0).clamp(-1.0, 1.0);
+        let fade = (255.0 * (1.0 - t.abs())) as u8;
+        if t > 0.0 { [255, fade, fade] } else { [fade, fade, 255] }
+    })?;
+    (out.measured_image, out.image, out.reference_image, out.residual_image) = (measured, image, reference, residual);
+    Ok(())
 }

@@ -3,7 +3,6 @@
 
 use crate::cost::timed;
 use crate::pictures::save;
-use crate::report::{ViewFigures, exceeds};
 use crate::{Options, proof, told};
 use mesophyll_base::error::Result;
 use mesophyll_scene::draw::card::{self, LeafCard};
@@ -12,6 +11,7 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneView;
 use mesophyll_scene::placed::daylight::sun_direction;
 use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_scene::verdict::{ReferenceError, ViewFigures, exceeds};
 use mesophyll_transport::{self as transport, comparison};
 use mesophyll_viewer as gpu;
 use std::time::Instant;
@@ -34,7 +34,6 @@ pub fn one_card(
     renderer.set_scene(&handover::card(scene, &card, ledger)?).map_err(told)?;
     let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
     let mut out = timed(manifest, view, renderer)?;
-    out.card = true;
     proof::judge_view(manifest, view, renderer, options, &mut out)?;
     let start = Instant::now();
     let world = card::world(manifest, &card)?;
@@ -45,7 +44,7 @@ pub fn one_card(
         ..transport::Options::default()
     };
     let truth = transport::render(&world, &reference::camera(view), w, h, &sampling)?;
-    out.reference_s = start.elapsed().as_secs_f64();
+    let reference_s = start.elapsed().as_secs_f64();
     // The lobe's albedo under a sky is integrated for every pixel that is compared, so only a few hundred over the
     // picture are.
     let pixels: Vec<(usize, usize)> = (0..ROWS * COLUMNS)
@@ -53,7 +52,6 @@ pub fn one_card(
         .collect();
     let exact = card.closed_form(manifest, view, (w, h), &pixels)?;
     let seen = comparison::compare(&truth, &picture.ldr)?;
-    (out.flip_mean, out.flip_p99, out.interior_share) = (seen.flip_mean, seen.flip_p99, seen.interior_share);
     let (worst, at) = relative(&picture.hdr, w, &pixels, &exact);
     // The reference spreads its rays over pixel and sun. Few pixels with many rays show its own distance from the
     // formula.
@@ -62,10 +60,17 @@ pub fn one_card(
     let own_pixels: Vec<(usize, usize)> = (0..ROWS * COLUMNS).map(|k| (2 * (k % COLUMNS), 2 * (k / COLUMNS))).collect();
     let own_exact = card.closed_form(manifest, view, (2 * COLUMNS, 2 * ROWS), &own_pixels)?;
     let (reference_worst, _) = relative(&own.hdr, 2 * COLUMNS, &own_pixels, &own_exact);
-    out.max_error = Some(worst);
-    out.max_at = Some(at);
-    out.noise_max_error = Some(reference_worst);
-    let limit = out.threshold_max_error;
+    out.error = Some(ReferenceError {
+        flip_mean: seen.flip_mean,
+        flip_p99: seen.flip_p99,
+        max_error: Some(worst),
+        max_at: Some(at),
+        interior_share: seen.interior_share,
+        noise_max_error: Some(reference_worst),
+        reference_s,
+        ..ReferenceError::default()
+    });
+    let limit = out.threshold_max_error.unwrap_or(0.0);
     for (who, error) in [("the renderer", worst), ("the reference", reference_worst)] {
         if exceeds(error, limit) {
             out.why.push(format!("{who} is {error:.2e} (relative) from the closed form, at most {limit:.2e} allowed"));
@@ -75,7 +80,7 @@ pub fn one_card(
         out.why.push("the card is black: nothing was compared".into());
     }
     save(&mut out, options, &truth, &picture, &seen)?;
-    out.passed = out.why.is_empty();
+    out.passed = Some(out.why.is_empty());
     Ok(out)
 }
 

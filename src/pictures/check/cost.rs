@@ -1,11 +1,11 @@
 //! The cost of a frame: a view's times, and the share of the translucency maps, measured by drawing with and without
 //! them in turns.
 
-use crate::report::{TranslucencyCost, ViewFigures};
 use crate::told;
 use mesophyll_base::error::Result;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
+use mesophyll_scene::verdict::{CheckVerdict, FrameCost, TranslucencyCost, Upload, ViewFigures, exceeds};
 use mesophyll_viewer as gpu;
 
 /// A view's report with its times, which are judged on real GPUs.
@@ -17,24 +17,40 @@ pub fn timed(manifest: &SceneManifest, view: &SceneView, renderer: &mut gpu::Ren
 
 /// A view's report with these times.
 pub fn of(view: &SceneView, timing: &gpu::FrameTiming, renderer: &gpu::Renderer) -> ViewFigures {
+    let cost = FrameCost {
+        frame_ms_median: timing.quantile(0.5).unwrap_or(f64::NAN),
+        frame_ms_p95: timing.quantile(0.95).unwrap_or(f64::NAN),
+        triangles: renderer.stats().triangles,
+        pass_ms: timing.passes.iter().map(|(n, t)| (n.clone(), median(t))).collect(),
+    };
     let mut out = ViewFigures {
         name: view.name.clone(),
-        frame_ms_median: timing.quantile(0.5).unwrap_or(0.0),
-        frame_ms_p95: timing.quantile(0.95).unwrap_or(0.0),
-        triangles: renderer.stats().triangles,
+        kind: view.kind,
         threshold_flip_p99: view.flip_p99,
-        threshold_max_error: view.max_error.unwrap_or(0.0),
+        threshold_max_error: view.max_error,
         threshold_frame_ms: view.frame_ms,
-        passes: timing.passes.iter().map(|(n, t)| (n.clone(), median(t))).collect(),
         ..ViewFigures::default()
     };
-    if let Some(limit) = view.frame_ms
-        && !renderer.adapter().is_software
-        && out.frame_ms_median > limit
+    if let Some(limit) = view.frame_ms.filter(|_| judged(view, renderer))
+        && exceeds(cost.frame_ms_median, limit)
     {
-        out.why.push(format!("a frame takes {:.2} ms (median), at most {limit:.2} ms allowed", out.frame_ms_median));
+        out.why.push(format!("a frame takes {:.2} ms (median), at most {limit:.2} ms allowed", cost.frame_ms_median));
     }
+    out.cost = Some(cost);
     out
+}
+
+/// Whether the time of a frame is judged: the scene states a limit, and no CPU draws.
+pub fn judged(view: &SceneView, renderer: &gpu::Renderer) -> bool {
+    view.frame_ms.is_some() && !renderer.adapter().is_software
+}
+
+/// Notes what is on the adapter: buffers, textures and pipelines.
+pub fn on_adapter(renderer: &gpu::Renderer, report: &mut CheckVerdict) {
+    let uploads = renderer.stats().uploads.iter();
+    report.uploads = uploads.map(|u| Upload { name: u.name.clone(), bytes: u.bytes }).collect();
+    report.uploaded_bytes = report.uploads.iter().map(|u| u.bytes).sum();
+    report.pipelines = renderer.stats().pipelines.clone();
 }
 
 /// Draws the first view with and without the translucency maps, by turns, and gives the maps back.
@@ -55,9 +71,13 @@ pub fn term(
     let longest = |scene: &gpu::scene::Scene, renderer: &gpu::Renderer| {
         own.iter().filter_map(|&k| renderer.operations(scene, k)).max().unwrap_or_default()
     };
-    let operations = [longest(scene, renderer), longest(&plain, renderer)];
+    let mut cost = TranslucencyCost {
+        operations: longest(scene, renderer),
+        operations_without: longest(&plain, renderer),
+        ..TranslucencyCost::default()
+    };
     if !timed {
-        return Ok(Some(TranslucencyCost { ms: None, operations }));
+        return Ok(Some(cost));
     }
     let mut times = [Vec::new(), Vec::new()];
     for turn in 0..4 {
@@ -75,7 +95,8 @@ pub fn term(
     for &k in &own {
         renderer.set_material(scene, k).map_err(told)?;
     }
-    Ok(Some(TranslucencyCost { ms: Some(times.map(|t| median(&t))), operations }))
+    [cost.main_ms, cost.main_ms_without] = times.map(|t| Some(median(&t)));
+    Ok(Some(cost))
 }
 
 /// The median; 0 for an empty list.

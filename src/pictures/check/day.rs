@@ -10,25 +10,10 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::ViewKind;
 use mesophyll_scene::placed::daylight::{self, Daylight};
 use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_scene::verdict::CheckHour;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::path::Path;
-
-/// One hour.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct CheckHour {
-    /// Solar time; 12 is noon.
-    pub hour: f64,
-    /// Angle of the sun from straight up.
-    pub zenith_deg: f64,
-    /// Azimuth of the sun, from +x towards +y.
-    pub azimuth_deg: f64,
-    /// Irradiance of the sun on a surface that faces it.
-    pub sun: [f64; 3],
-    /// Root of the sum of squared differences from integrated coefficients over c00, worst channel; 0 where they were
-    /// integrated and not fitted.
-    pub fit_error: f64,
-}
 
 /// Columns of the mosaic.
 const COLUMNS: usize = 4;

@@ -1,7 +1,6 @@
 //! Times of frames alone: every perspective view is drawn again and again as by a program that shows frames, without a
 //! reference and without goldens.
 
-use crate::report::{CheckVerdict, ViewScope};
 use crate::{cost, told};
 use mesophyll_base::error::Result;
 use mesophyll_files::progress;
@@ -9,6 +8,7 @@ use mesophyll_scene::draw::handover;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::ViewKind;
 use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_scene::verdict::{CheckVerdict, ViewScope};
 use mesophyll_viewer as gpu;
 use std::time::Instant;
 
@@ -34,8 +34,7 @@ pub fn all(
     let (w, h) = (manifest.check.width, manifest.check.height);
     let mut drawn = handover::scene(scene, ledger)?;
     renderer.set_scene(&drawn).map_err(told)?;
-    report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
-    report.pipelines = renderer.stats().pipelines.clone();
+    cost::on_adapter(renderer, report);
     let views: Vec<_> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
     let bar = progress::TaskProgress::new("frames", (views.len() * count) as u64);
     for view in views {
@@ -67,7 +66,7 @@ pub fn all(
         let passes = renderer.time(&camera, w, h, CLOCKED).map_err(told)?.passes;
         let mut out = cost::of(view, &gpu::FrameTiming { frame_ms, passes }, renderer);
         out.scope = ViewScope::Time;
-        out.passed = out.why.is_empty();
+        out.passed = cost::judged(view, renderer).then(|| out.why.is_empty());
         report.views.push(out);
     }
     Ok(())

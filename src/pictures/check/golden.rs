@@ -14,15 +14,13 @@ use mesophyll_base::error::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::image;
 use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::verdict::GoldenFigures;
 use mesophyll_transport::{comparison, tone};
 use mesophyll_viewer::Picture;
 use std::path::{Path, PathBuf};
 
 /// Longer side of a golden picture in pixels. The software adapter draws one in a fraction of a second.
 const LONGEST: u32 = 200;
-
-/// Largest mean FLIP error over all pixels of a view.
-pub const FLIP_MEAN: f64 = 1e-3;
 
 /// A pixel has changed where a displayed value differs by more than this many of 255 steps, which is more than rounding
 /// and 16-bit maps cause.
@@ -33,43 +31,12 @@ const STEPS: u8 = 4;
 /// .046 steps; this is two of them.
 const EITHER: f64 = 0.1;
 
-/// Largest share of changed pixels: the edge of a leaf may fall on either side of a pixel's centre. At 800 × 600 pixels
-/// that happened to 2.4e-4 of them; in a golden, edges take a four times larger share of the pixels.
-pub const CHANGED: f64 = 2e-3;
-
-/// How far a picture is from its golden.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GoldenFigures {
-    /// Mean FLIP error over all pixels, 0 to 1.
-    pub flip_mean: f64,
-    /// Share of pixels with a displayed value more than [`STEPS`] of 255 off.
-    pub changed: f64,
-}
-
 /// A comparison with a golden.
 pub struct GoldenComparison {
     /// How far the two are apart.
     pub figures: GoldenFigures,
     /// Eightfold difference about grey, RGB.
     pub difference: Vec<u8>,
-}
-
-impl GoldenFigures {
-    /// What is too large, in words; `None` where both figures are within their limits. A NaN is too large.
-    pub fn missed(&self) -> Option<String> {
-        let mut out = Vec::new();
-        if !(self.flip_mean <= FLIP_MEAN) {
-            out.push(format!("mean FLIP is {:.1e}, at most {FLIP_MEAN:.0e} allowed", self.flip_mean));
-        }
-        if !(self.changed <= CHANGED) {
-            out.push(format!(
-                "{:.2} % of the pixels changed, at most {:.2} % allowed,",
-                100.0 * self.changed,
-                100.0 * CHANGED
-            ));
-        }
-        (!out.is_empty()).then(|| out.join("; "))
-    }
 }
 
 /// Number of frames, and of texels along the longer side, of a scan that is made only for golden pictures.

@@ -20,14 +20,10 @@ pub mod methods;
 mod perspective;
 mod pictures;
 mod proof;
-mod report;
 mod smoothness;
 pub mod sun_shares;
 mod verification;
 
-pub use capture::CaptureFigures;
-pub use report::{CheckVerdict, TranslucencyCost, ViewFigures, ViewScope};
-pub use smoothness::FilmSmoothness;
 pub use verification::verify;
 
 use mesophyll_base::error::{Error, Result};
@@ -37,6 +33,7 @@ use mesophyll_scene::draw::{handover, reference, sunlight, true_leaf};
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::{SceneView, ViewKind};
 use mesophyll_scene::placed::ledger::Ledger;
+pub use mesophyll_scene::verdict::{CheckVerdict, ViewFigures};
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
 use std::path::PathBuf;
@@ -96,20 +93,14 @@ pub fn check(scene: &LoadedScene, options: &Options, ledger: &Ledger) -> Result<
     let adapter = renderer.adapter().clone();
     let faults = verify(scene, ledger)?;
     let mut report = CheckVerdict {
-        passed: true,
+        scene: manifest.name.clone(),
         adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
         software: adapter.is_software,
-        views: Vec::new(),
-        captures: Vec::new(),
-        skipped: Vec::new(),
+        size: [manifest.check.width, manifest.check.height],
+        reference_samples: manifest.check.samples,
         failures: faults.all().cloned().collect(),
         warnings: plan.warnings.iter().chain(&faults.notes).cloned().collect(),
-        uploads: Vec::new(),
-        pipelines: Vec::new(),
-        translucency: None,
-        film: None,
-        day: Vec::new(),
-        first_frame_s: None,
+        ..CheckVerdict::default()
     };
     progress::say(format!("drawn by {}", report.adapter));
     if let Some(count) = options.frames {
@@ -119,10 +110,9 @@ pub fn check(scene: &LoadedScene, options: &Options, ledger: &Ledger) -> Result<
     } else {
         against_reference(scene, &mut renderer, options, ledger, &mut report)?;
     }
-    report.passed =
-        report.failures.is_empty() && report.views.iter().all(|v| v.passed) && report.captures.iter().all(|c| c.passed);
+    report.judge();
     let path = options.out.join("check.json");
-    atomic::write_bytes(&path, serde_json::to_string_pretty(&report.json(manifest)).unwrap_or_default().as_bytes())?;
+    atomic::write_bytes(&path, serde_json::to_string_pretty(&report).unwrap_or_default().as_bytes())?;
     Ok(report)
 }
 
@@ -144,8 +134,7 @@ fn against_reference(
         let traced = plan.light.between.is_some() || !placed.grass.is_empty() || layers;
         let mut world = if traced { transport::ReferenceWorld::default() } else { reference::world(scene, ledger)? };
         renderer.set_scene(&drawn).map_err(told)?;
-        report.uploads = renderer.stats().uploads.iter().map(|u| (u.name.clone(), u.bytes)).collect();
-        report.pipelines = renderer.stats().pipelines.clone();
+        cost::on_adapter(renderer, report);
         // Views of the same time share the reference's trees.
         let mut times: Vec<f64> = perspective.iter().map(|v| manifest.time_of(v)).collect();
         times.dedup();
@@ -183,7 +172,7 @@ fn against_reference(
             report.film = smoothness::film(manifest, view, &drawn, renderer)?;
             report.failures.extend(report.film.and_then(|f| f.why()));
         }
-        let slow = report.views.first().is_some_and(|v| v.frame_ms_median > 2000.0);
+        let slow = report.views.iter().find_map(|v| v.cost.as_ref()).is_some_and(|c| c.frame_ms_median > 2000.0);
         report.translucency = cost::term(manifest, &drawn, renderer, !slow)?;
         let tile = (manifest.check.width.div_ceil(2), manifest.check.height.div_ceil(2));
         if let Some(strip) = day::draw(scene, &drawn, renderer, tile, ledger)? {

@@ -4,7 +4,6 @@
 use crate::blocks;
 use crate::cost::timed;
 use crate::pictures::save;
-use crate::report::{TrueLeafError, ViewFigures, exceeds};
 use crate::{Options, proof, told};
 use mesophyll_base::error::Result;
 use mesophyll_files::image::write_png;
@@ -12,6 +11,7 @@ use mesophyll_scene::draw::handover;
 use mesophyll_scene::draw::scene_reference::SceneReference;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::{SceneView, TranslucencyReference};
+use mesophyll_scene::verdict::{BasisError, ReferenceError, TrueLeafError, ViewFigures, exceeds};
 use mesophyll_transport::comparison;
 use mesophyll_viewer as gpu;
 use std::time::Instant;
@@ -39,18 +39,20 @@ pub fn one_view(
     let start = Instant::now();
     let seed = manifest.check.seed;
     let mut truth = stages.truth.view(scene, view, seed)?;
+    let mut judged_by = TranslucencyReference::Convolution;
     if let Some(by_maps) = stages.by_maps {
         // Both use the same rays, so they differ only by the basis.
         let stored = by_maps.view(scene, view, seed)?;
         let basis = comparison::compare(&truth, &stored.ldr)?;
-        out.basis = Some((basis.flip_p99, basis.max_error.unwrap_or(0.0)));
+        out.basis = Some(BasisError { flip_p99: basis.flip_p99, max_error: basis.max_error.unwrap_or(0.0) });
         if view.judged_by == TranslucencyReference::Maps {
-            (truth, out.by_maps) = (stored, true);
+            (truth, judged_by) = (stored, view.judged_by);
         }
     }
-    let own = if out.by_maps { stages.by_maps.unwrap_or(stages.truth) } else { stages.truth };
+    let own =
+        if judged_by == TranslucencyReference::Maps { stages.by_maps.unwrap_or(stages.truth) } else { stages.truth };
     let other = own.view(scene, view, seed.wrapping_add(1))?;
-    out.reference_s = start.elapsed().as_secs_f64();
+    let reference_s = start.elapsed().as_secs_f64();
     let (seen, noise) = match view.blocks {
         None => (comparison::compare(&truth, &picture.ldr)?, comparison::noise_floor(&truth, &other)?),
         Some(side) => {
@@ -61,13 +63,19 @@ pub fn one_view(
         }
     };
     out.blocks = view.blocks;
-    out.flip_mean = seen.flip_mean;
-    out.flip_p99 = seen.flip_p99;
-    out.max_error = seen.max_error;
-    out.max_at = seen.max_at;
-    out.interior_share = seen.interior_share;
-    (out.noise_flip_p99, out.noise_max_error) = (Some(noise.flip_p99), noise.max_error);
-    out.judge_against_reference();
+    let error = ReferenceError {
+        flip_mean: seen.flip_mean,
+        flip_p99: seen.flip_p99,
+        max_error: seen.max_error,
+        max_at: seen.max_at,
+        interior_share: seen.interior_share,
+        noise_flip_p99: Some(noise.flip_p99),
+        noise_max_error: noise.max_error,
+        judged_by,
+        reference_s,
+    };
+    judge(&error, &mut out);
+    out.error = Some(error);
     if let Some(stage) = stages.true_leaf {
         // Both use the same rays, so they differ only by the fit.
         let grown = stage.view(scene, view, seed)?;
@@ -83,26 +91,24 @@ pub fn one_view(
     }
     proof::judge_view(manifest, view, renderer, options, &mut out)?;
     save(&mut out, options, &truth, &picture, &seen)?;
-    out.passed = out.why.is_empty();
+    out.passed = Some(out.why.is_empty());
     Ok(out)
 }
 
-impl ViewFigures {
-    fn judge_against_reference(&mut self) {
-        if let Some(limit) = self.threshold_flip_p99
-            && exceeds(self.flip_p99, limit)
-        {
-            self.why.push(format!("99 % FLIP is {:.4} from the reference, at most {limit:.4} allowed", self.flip_p99));
+fn judge(error: &ReferenceError, out: &mut ViewFigures) {
+    if let Some(limit) = out.threshold_flip_p99
+        && exceeds(error.flip_p99, limit)
+    {
+        out.why.push(format!("99 % FLIP is {:.4} from the reference, at most {limit:.4} allowed", error.flip_p99));
+    }
+    let limit = out.threshold_max_error.unwrap_or(0.0);
+    match error.max_error {
+        None => out.why.push("no pixel of a leaf's interior to judge the largest error on".into()),
+        Some(e) if exceeds(e, limit) => {
+            let (x, y) = error.max_at.unwrap_or_default();
+            let what = if out.blocks.is_some() { "block" } else { "pixel" };
+            out.why.push(format!("{what} ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
         }
-        let limit = self.threshold_max_error;
-        match self.max_error {
-            None => self.why.push("no pixel of a leaf's interior to judge the largest error on".into()),
-            Some(e) if exceeds(e, limit) => {
-                let (x, y) = self.max_at.unwrap_or_default();
-                let what = if self.blocks.is_some() { "block" } else { "pixel" };
-                self.why.push(format!("{what} ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
-            }
-            Some(_) => {}
-        }
+        Some(_) => {}
     }
 }

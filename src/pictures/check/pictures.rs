@@ -1,9 +1,10 @@
 //! The pictures that a check writes besides its figures.
 
 use crate::Options;
-use crate::report::ViewFigures;
+
 use mesophyll_base::error::Result;
 use mesophyll_files::image;
+use mesophyll_scene::verdict::{ViewFigures, ViewPictures};
 use mesophyll_transport::{ReferencePicture, comparison};
 use mesophyll_viewer as gpu;
 
@@ -35,7 +36,8 @@ pub fn save(
     let needed = 2.0 * seen.flip_p99.max(view.threshold_flip_p99.unwrap_or(0.0));
     let top = TOPS.into_iter().find(|t| *t >= needed).unwrap_or(1.0);
     image::write_png(&options.out.join(&names[3]), seen.width, seen.height, &seen.flip_picture(top))?;
-    (view.flip_top, view.difference_top) = (Some(top), Some(128.0 / GAIN / 255.0));
-    view.pictures = Some(names);
+    let [image, reference, difference, flip] = names;
+    let difference_top = 128.0 / GAIN / 255.0;
+    view.pictures = Some(ViewPictures { image, reference, difference, flip, flip_top: top, difference_top });
     Ok(())
 }

@@ -1,6 +1,5 @@
 //! Every view, drawn small and compared with its golden picture, or written as one.
 
-use crate::report::{ViewFigures, ViewScope};
 use crate::{CheckVerdict, Options, told};
 use crate::{day, golden};
 use mesophyll_base::error::Result;
@@ -10,6 +9,7 @@ use mesophyll_scene::draw::handover;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
 use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_scene::verdict::{ViewFigures, ViewScope};
 use mesophyll_viewer as gpu;
 
 /// The name that the hours of a day have among the golden pictures.
@@ -54,14 +54,10 @@ fn alone(
     renderer: &mut gpu::Renderer,
     options: &Options,
 ) -> Result<ViewFigures> {
-    let mut out = ViewFigures {
-        name: view.name.clone(),
-        card: view.kind == ViewKind::Card,
-        scope: ViewScope::Golden,
-        ..ViewFigures::default()
-    };
+    let mut out =
+        ViewFigures { name: view.name.clone(), kind: view.kind, scope: ViewScope::Golden, ..ViewFigures::default() };
     judge_view(manifest, view, renderer, options, &mut out)?;
-    out.passed = out.why.is_empty();
+    out.passed = judged(&out);
     Ok(out)
 }
 
@@ -100,7 +96,7 @@ pub fn hours(
     if let Some(strip) = day::draw(scene, drawn, renderer, (w / 2, h / 2), ledger)? {
         let mut out = ViewFigures { name: HOURS.into(), scope: ViewScope::Golden, ..ViewFigures::default() };
         judge(manifest, &strip.picture, options, &mut out)?;
-        out.passed = out.why.is_empty();
+        out.passed = judged(&out);
         report.views.push(out);
     }
     Ok(())
@@ -133,4 +129,9 @@ fn judge(manifest: &SceneManifest, picture: &gpu::Picture, options: &Options, ou
         out.why.push(format!("there is no golden picture {}; {command} writes it", path.display()));
     }
     Ok(())
+}
+
+/// Whether a picture is as its golden is; `None` where there was none to compare it with, and none is missed.
+fn judged(out: &ViewFigures) -> Option<bool> {
+    (out.golden.is_some() || !out.why.is_empty()).then(|| out.why.is_empty())
 }

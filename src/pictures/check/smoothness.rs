@@ -12,56 +12,13 @@ use mesophyll_base::error::{Error, Result};
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::manifest::{CheckSettings, SceneManifest, SceneView};
+use mesophyll_scene::verdict::FilmSmoothness;
 use mesophyll_transport::tone;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
-use serde::Serialize;
 
 /// Pixels along a side of a block.
 const BLOCK: usize = CheckSettings::FILM_BLOCK as usize;
-
-/// The second differences in time of displayed means of blocks.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct FilmSmoothness {
-    /// Number of frames.
-    pub frames: u32,
-    /// Frames a second.
-    pub fps: f64,
-    /// The largest second difference of the film as it is drawn.
-    pub drawn: f64,
-    /// The largest one of the film that is drawn in full.
-    pub in_full: f64,
-    /// The largest one of the difference of both films.
-    pub apart: f64,
-    /// What is allowed for the difference: four times the scene's tolerance.
-    pub allowed: f64,
-    /// Frame, and column and row of the block, in which the difference of both films has its largest one.
-    pub at: [usize; 3],
-}
-
-impl FilmSmoothness {
-    /// What is wrong, in one sentence; `None` where nothing pops.
-    pub fn why(&self) -> Option<String> {
-        let [frame, column, row] = self.at;
-        let beyond = crate::report::exceeds(self.apart, self.allowed);
-        beyond.then(|| {
-            format!(
-                "frame {frame}: something pops in the block at column {column} and row {row}: shortcuts change its \
-                 second difference by {:.4}, at most {:.4} allowed",
-                self.apart, self.allowed
-            )
-        })
-    }
-
-    /// The figures in one line.
-    pub fn line(&self) -> String {
-        format!(
-            "film: {} frames, {} a second: second differences of blocks are {:.4} at most, {:.4} in full detail, {:.4} \
-             between both (allowed {:.4})",
-            self.frames, self.fps, self.drawn, self.in_full, self.apart, self.allowed
-        )
-    }
-}
 
 /// Displayed means of the blocks of one frame.
 type Frame = Vec<[f64; 3]>;

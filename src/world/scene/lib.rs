@@ -18,6 +18,7 @@ pub mod placed;
 pub mod plan;
 pub mod transfer;
 #[cfg(feature = "render")]
+pub mod verdict;
 pub mod web;
 #[cfg(feature = "render")]
 pub mod window;

@@ -2,10 +2,10 @@
 
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// What a view shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ViewKind {
     /// The scene as it stands.
@@ -19,7 +19,7 @@ pub enum ViewKind {
 }
 
 /// What transmitted light by translucency maps is compared with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TranslucencyReference {
     /// The full convolution for the sun's present direction.
