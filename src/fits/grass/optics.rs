@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The table that is used where none is named.
-const STATED: &str = include_str!("../../../data/grass/optics/leaves.toml");
+const STATED: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/grass/optics/leaves.toml"));
 
 /// A Lambertian sheet. The numbers are shares of the light in linear red, green and blue.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]

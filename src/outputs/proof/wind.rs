@@ -20,7 +20,7 @@ const CHILDREN: usize = 10_000;
 
 /// A bird cherry of three years.
 fn sapling() -> Result<Plant, String> {
-    let text = include_str!("../../../data/plants/bird-cherry-sapling.toml");
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/plants/bird-cherry-sapling.toml"));
     text.parse::<PlantSpec>().map(|spec| grow(&spec, None)).map_err(|e| e.to_string())
 }
 

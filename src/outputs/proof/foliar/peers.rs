@@ -12,9 +12,9 @@ use mesophyll_optics::side::Side;
 
 /// Measured means of species (`SOURCE.md` in the same folder names the source). The last six columns are R and T at
 /// [`WAVELENGTHS`].
-const SPECIES: &str = include_str!("../../../../data/leaves/species_means.csv");
+const SPECIES: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/species_means.csv"));
 /// The example's table of pigments.
-const PIGMENTS: &str = include_str!("../../../../data/tables/pigments.csv");
+const PIGMENTS: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/tables/pigments.csv"));
 const WAVELENGTHS: [f64; 3] = [450.0, 550.0, 650.0];
 
 /// The last `N` cells of every row but the header.

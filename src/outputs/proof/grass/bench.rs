@@ -13,7 +13,7 @@ use mesophyll_plants::growth::meadow;
 use std::path::Path;
 
 /// The lawn, which is compiled into the program.
-const LAWN: &str = include_str!("../../../../data/grass/lawn.toml");
+const LAWN: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/grass/lawn.toml"));
 /// The numbers of slices and texels that are tried.
 const TRIED: [(usize, [usize; 2]); 5] =
     [(16, [64, 16]), (16, [128, 32]), (16, [256, 64]), (32, [128, 32]), (32, [256, 64])];

@@ -20,7 +20,7 @@ fn lawn(per_m2: f64, size_mm: [f64; 2]) -> Result<LawnMeadow, String> {
 
 /// The same, with blades that were changed.
 fn lawn_with(per_m2: f64, size_mm: [f64; 2], change: impl Fn(&mut LeafMesh)) -> Result<LawnMeadow, String> {
-    let text = include_str!("../../../../data/grass/lawn.toml");
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/grass/lawn.toml"));
     let mut described: meadow::MeadowSpec = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
     described.size_mm = size_mm;
     described.swards.iter_mut().for_each(|sward| sward.per_m2 = per_m2);

@@ -21,7 +21,7 @@ use std::path::Path;
 use std::time::Instant;
 
 /// The leaf that cases are made from.
-const LEAF: &str = include_str!("../../../../data/leaves/balata.toml");
+const LEAF: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/balata.toml"));
 
 /// A case: how the leaf differs, how it is scanned, how the scan is damaged, and the verdict that it must get.
 struct Case {

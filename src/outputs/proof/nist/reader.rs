@@ -92,7 +92,7 @@ fn field<'a>(lines: &[&'a str], label: &str) -> Option<&'a str> {
 mod tests {
     use super::*;
 
-    const TEXT: &str = include_str!("../../../../data/nist/Nelson.dat");
+    const TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/nist/Nelson.dat"));
 
     #[test]
     fn a_file_with_two_predictors_is_read() {

@@ -9,7 +9,9 @@ use mesophyll_base::solvers::{Fit, Options, multi_start};
 use std::time::Instant;
 
 macro_rules! files {
-    ($($name:literal),* $(,)?) => { [$(($name, include_str!(concat!("../../../../data/nist/", $name, ".dat")))),*] };
+    ($($name:literal),* $(,)?) => {
+        [$(($name, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/nist/", $name, ".dat")))),*]
+    };
 }
 
 /// The 27 files, compiled into the program, from NIST's lower to its higher level of difficulty.

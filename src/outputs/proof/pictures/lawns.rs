@@ -34,8 +34,8 @@ enum Drawn {
     Blades,
 }
 
-const LAWN: &str = include_str!("../../../../data/grass/lawn.toml");
-const CLOVER: &str = include_str!("../../../../data/grass/clover.toml");
+const LAWN: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/grass/lawn.toml"));
+const CLOVER: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/grass/clover.toml"));
 /// Number of blades on a square metre of the lawn.
 const PER_M2: f64 = 21_000.0;
 /// Elevations of the eye over the ground (degrees), distances (mm), and densities relative to the thinnest lawn's.

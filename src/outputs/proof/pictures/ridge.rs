@@ -17,8 +17,8 @@ use mesophyll_transport::renderer::CameraRays;
 use mesophyll_viewer as gpu;
 use rayon::prelude::*;
 
-const SCENE: &str = include_str!("../../../../data/grass/scenes/hill.toml");
-const LAWN: &str = include_str!("../../../../data/grass/lawn.toml");
+const SCENE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/grass/scenes/hill.toml"));
+const LAWN: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/grass/lawn.toml"));
 /// Rays along each side of a pixel.
 const RAYS: usize = 4;
 

@@ -37,7 +37,7 @@ pub(crate) const LEAF_FILE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, 
         {"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 4, "type": "VEC3"},
         {"bufferView": 0, "byteOffset": 24, "componentType": 5126, "count": 4, "type": "VEC2"},
         {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"}]}"#;
-pub(crate) const TREE: &str = include_str!("../../../../data/plants/wych-elm.toml");
+pub(crate) const TREE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/plants/wych-elm.toml"));
 /// Pixels of a picture.
 const SIZE: [u32; 2] = [800, 600];
 /// How many frames are drawn at a time: the first number of them without being timed, then the second number. A GPU

@@ -11,7 +11,7 @@ use std::time::Instant;
 
 /// Inverse cases, from a committed file: a slab (ω, 1−ω, Δ, h) or a measurement (ρd, ρt, h), the stated noise, and the
 /// verdict that it must get.
-const CASES: &str = include_str!("../../../../data/stress/slab.csv");
+const CASES: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/stress/slab.csv"));
 
 /// Forward cases: name, ω, 1−ω, Δ.
 const FORWARD: [(&str, f64, f64, f64); 14] = [

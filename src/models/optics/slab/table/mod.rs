@@ -93,7 +93,7 @@ impl SlabTable {
         static TABLE: OnceLock<SlabTable> = OnceLock::new();
         TABLE.get_or_init(|| {
             SlabTable::read(
-                include_bytes!("../../../../../data/slab/response.bin"),
+                include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/slab/response.bin")),
                 [DELTA_MIN, DELTA_MAX],
                 EXTRAPOLATED,
             )

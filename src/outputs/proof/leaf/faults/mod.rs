@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The leaf of the scans.
-const LEAF: &str = include_str!("../../../../../data/leaves/balata.toml");
+const LEAF: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/balata.toml"));
 /// Frames a pass, and of the scans with few stops.
 const FRAMES: usize = 40;
 const FEW: usize = 22;

@@ -132,7 +132,7 @@ mod tests {
     use mesophyll_synth::spec::LeafSpec;
 
     fn elm() -> LeafSpec {
-        include_str!("../../../../../data/leaves/elm.toml").parse().unwrap()
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/elm.toml")).parse().unwrap()
     }
 
     /// Every basis that contains the cosine reproduces a flat uniform leaf exactly, whatever the tissue.

@@ -142,8 +142,8 @@ pub fn candidates() -> Vec<BasisCandidate> {
 pub fn cases(texel_mm: f64) -> Result<Vec<BasisCase>> {
     let mut list = Vec::new();
     for (text, centre, size) in [
-        (include_str!("../../../../../data/leaves/elm.toml"), [2.0, 2.0], [14.0, 12.0]),
-        (include_str!("../../../../../data/leaves/balata.toml"), [2.0, 3.0], [14.0, 12.0]),
+        (include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/elm.toml")), [2.0, 2.0], [14.0, 12.0]),
+        (include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/balata.toml")), [2.0, 3.0], [14.0, 12.0]),
     ] {
         let spec: LeafSpec = text.parse().map_err(|e: toml::de::Error| Error::Missed(e.to_string()))?;
         let blade = piece(&spec, texel_mm, centre, size)?;
@@ -196,7 +196,7 @@ mod tests {
     use super::*;
 
     fn elm() -> LeafSpec {
-        include_str!("../../../../../data/leaves/elm.toml").parse().unwrap()
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/elm.toml")).parse().unwrap()
     }
 
     /// The heights that fits use are integrated from normals; they give these normals back.
