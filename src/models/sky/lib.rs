@@ -8,14 +8,14 @@
 //! part of the sky.
 //!
 //! - To name a sky: [`SkyFamily`], [`Preetham`], [`HosekWilkie`]. `model.sky(sun_zenith, turbidity)` gives a [`Sky`],
-//! or a [`SkyRefusal`] that says why it cannot.
+//!   or a [`SkyRefusal`] that says why it cannot.
 //! - To look at it in a direction (unit vector): [`Sky::xyz`], [`Sky::rgb`].
 //! - To project it onto harmonics by quadrature: [`projection::direct`] (to 1e-9 of c00 and better), or
-//! [`projection::ProjectionRule`] for many turbidities at one sun.
+//!   [`projection::ProjectionRule`] for many turbidities at one sun.
 //! - To evaluate fitted polynomials: [`polynomials::FoldedPolynomials`], with `coefficients(sun_zenith, turbidity)`, or
 //!   `at(turbidity)` once the turbidity is fixed.
 //! - To turn, evaluate and sum harmonics: [`harmonics::HarmonicBasis`], [`harmonics::rotate_z`],
-//! [`harmonics::evaluate`].
+//!   [`harmonics::evaluate`].
 //! - To light a surface: [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below.
 //! - For the sun's own light through that air: [`sun::irradiance`].
 //! - To know where a panorama looks: [`panorama`].

@@ -5,8 +5,8 @@
 //! reciprocal (`docs/foliar.md` gives the error), and FSM's rule for direct light makes the same assumption.
 //!
 //! - [`FoliarModel::Fsm`]: a table gives the shares of the light for each side and degree, and lobes give the
-//! directions. Light that is reflected at the face, and light that turned back before it reached the mesophyll, goes
-//! around the mirror direction. The rest is diffuse.
+//!   directions. Light that is reflected at the face, and light that turned back before it reached the mesophyll, goes
+//!   around the mirror direction. The rest is diffuse.
 //! - [`FoliarModel::Abm`]: each scattering follows a ray through the layers. The density of its direction cannot be
 //!   evaluated, so lights are found only by rays that hit them.
 

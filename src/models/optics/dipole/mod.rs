@@ -8,8 +8,8 @@
 //!
 //! There are three forms, by name:
 //! - [`DipoleForm::Dipoles`]`(n)`: the paper's sum over j = −n … n, with (1 + σtr ρ) e^(−σtr ρ) where it prints (1 +
-//! σtr ρ e^(−σtr ρ)). It is valid for d > l. The terms beyond n are 4e-4 of the total at d = .2 mm of the paper's
-//! tissue, but 28 % of it at σa = .01/mm and 67 % at .001/mm.
+//!   σtr ρ e^(−σtr ρ)). It is valid for d > l. The terms beyond n are 4e-4 of the total at d = .2 mm of the paper's
+//!   tissue, but 28 % of it at σa = .01/mm and 67 % at .001/mm.
 //! - [`DipoleForm::Images`]: n = ∞, exact by its Fourier transform. It is valid for d > l (NaN otherwise).
 //! - [`DipoleForm::Thin`]: the source is the beam's own exponential, φ/(2A) leaves, and e^(−σt′ d) passes without being
 //!   scattered. It is valid for every d > 0.
