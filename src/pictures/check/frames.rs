@@ -66,7 +66,7 @@ pub fn all(
         let passes = renderer.time(&camera, w, h, CLOCKED).map_err(told)?.passes;
         let mut out = cost::of(view, &gpu::FrameTiming { frame_ms, passes }, renderer);
         out.scope = ViewScope::Time;
-        out.passed = cost::judged(view, renderer).then(|| out.why.is_empty());
+        out.passed = cost::judged(view, renderer).then_some(out.why.is_empty());
         report.views.push(out);
     }
     Ok(())

@@ -133,5 +133,5 @@ fn judge(manifest: &SceneManifest, picture: &gpu::Picture, options: &Options, ou
 
 /// Whether a picture is as its golden is; `None` where there was none to compare it with, and none is missed.
 fn judged(out: &ViewFigures) -> Option<bool> {
-    (out.golden.is_some() || !out.why.is_empty()).then(|| out.why.is_empty())
+    (out.golden.is_some() || !out.why.is_empty()).then_some(out.why.is_empty())
 }
