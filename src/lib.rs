@@ -52,8 +52,8 @@
 //! ```text
 //! 8  mesophyll (the command line)
 //! 7  proof
-//! 6  check       fit-scene
-//! 5  export      python      report      scene
+//! 6  check       fit-scene   report
+//! 5  export      python      scene
 //! 4  fits
 //! 3  synth
 //! 2  capture     plants      transport   web         window

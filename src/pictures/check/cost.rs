@@ -5,7 +5,7 @@ use crate::told;
 use mesophyll_base::error::Result;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
-use mesophyll_scene::verdict::{CheckVerdict, FrameCost, TranslucencyCost, Upload, ViewFigures, exceeds};
+use mesophyll_scene::verdict::{AdapterUpload, CheckVerdict, FrameCost, TranslucencyCost, ViewFigures, exceeds};
 use mesophyll_viewer as gpu;
 
 /// A view's report with its times, which are judged on real GPUs.
@@ -48,7 +48,7 @@ pub fn judged(view: &SceneView, renderer: &gpu::Renderer) -> bool {
 /// Notes what is on the adapter: buffers, textures and pipelines.
 pub fn on_adapter(renderer: &gpu::Renderer, report: &mut CheckVerdict) {
     let uploads = renderer.stats().uploads.iter();
-    report.uploads = uploads.map(|u| Upload { name: u.name.clone(), bytes: u.bytes }).collect();
+    report.uploads = uploads.map(|u| AdapterUpload { name: u.name.clone(), bytes: u.bytes }).collect();
     report.uploaded_bytes = report.uploads.iter().map(|u| u.bytes).sum();
     report.pipelines = renderer.stats().pipelines.clone();
 }

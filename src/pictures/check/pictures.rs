@@ -37,7 +37,7 @@ pub fn save(
     let top = TOPS.into_iter().find(|t| *t >= needed).unwrap_or(1.0);
     image::write_png(&options.out.join(&names[3]), seen.width, seen.height, &seen.flip_picture(top))?;
     let [image, reference, difference, flip] = names;
-    let difference_top = 128.0 / GAIN / 255.0;
-    view.pictures = Some(ViewPictures { image, reference, difference, flip, flip_top: top, difference_top });
+    view.pictures = Some(ViewPictures { image, reference, difference, flip });
+    (view.flip_top, view.difference_top) = (Some(top), Some(128.0 / GAIN / 255.0));
     Ok(())
 }

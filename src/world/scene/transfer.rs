@@ -8,7 +8,8 @@ use crate::manifest::{SceneManifest, ViewKind};
 use crate::placed::daylight::sun_directions;
 use crate::placed::ledger::Ledger;
 use crate::plan::levels;
-use crate::plan::transfer::{ball, unseen, views_decide};
+pub use crate::plan::transfer::folder;
+use crate::plan::transfer::{GLOSS_BANDS, ball, unseen, views_decide};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fits::record::maker::FitOutcome;
@@ -17,9 +18,6 @@ use mesophyll_transport::ReferenceWorld;
 use mesophyll_transport::transfer::{TransferColumns, TransferMethod};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Number of bands of a glossy leaf under a light that stands still: all that the renderer supports.
-pub(crate) const GLOSS_BANDS: usize = 7;
 
 /// A leaf may count as hidden only if the ball around it covers at least so many pixels in every picture. If no ray
 /// meets such a leaf, with one ray for each pixel, then only a small part of it can be visible.
@@ -111,13 +109,6 @@ pub fn make(scene: &LoadedScene, out: &Path, force: bool, ledger: &Ledger) -> Re
     }
     let of = of(scene, &options, ledger)?;
     fit::run(&of, &[&scene.manifest.path], out, &Options { force, ..options })
-}
-
-/// The folder of a run's own transfer of a scene. A window's light moves, so its transfer is stored beside that of a
-/// check.
-pub fn folder(manifest: &SceneManifest, bands: Option<usize>, out: &Path) -> PathBuf {
-    let bands = bands.map_or(String::new(), |b| format!("-{b}-bands"));
-    out.join("fits").join(format!("{}-transfer{bands}", manifest.name))
 }
 
 impl LoadedScene {

@@ -6,10 +6,20 @@ use crate::manifest::{SceneManifest, SceneShadows, SceneTransfer, ViewKind};
 use crate::placed::PlacedScene;
 use crate::placed::daylight::sun_directions;
 use crate::placed::placement::LeafPlacement;
-use crate::transfer::{GLOSS_BANDS, folder};
 use glam::DVec3;
 use mesophyll_fits::transfer::BYTES_AN_ENTRY;
 use mesophyll_transport::transfer::TransferMethod;
+use std::path::{Path, PathBuf};
+
+/// Number of bands of a glossy leaf under a light that stands still: all that the renderer supports.
+pub(crate) const GLOSS_BANDS: usize = 7;
+
+/// The folder of a run's own transfer of a scene. A window's light moves, so its transfer is stored beside that of a
+/// check.
+pub fn folder(manifest: &SceneManifest, bands: Option<usize>, out: &Path) -> PathBuf {
+    let bands = bands.map_or(String::new(), |b| format!("-{b}-bands"));
+    out.join("fits").join(format!("{}-transfer{bands}", manifest.name))
+}
 
 /// Number of bands of the light where it moves and the scene does not state the number, as in the paper (Wang et al.
 /// 2005, §4).

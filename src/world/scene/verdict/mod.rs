@@ -44,7 +44,7 @@ pub struct CheckVerdict {
     /// Capture views that could not be drawn, in one sentence each; they are not judged.
     pub skipped: Vec<String>,
     /// What was uploaded for the perspective views.
-    pub uploads: Vec<Upload>,
+    pub uploads: Vec<AdapterUpload>,
     /// Their sum.
     pub uploaded_bytes: u64,
     /// Names of the pipelines that were made.
@@ -65,7 +65,7 @@ pub struct CheckVerdict {
 
 /// A buffer or a texture on the adapter.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Upload {
+pub struct AdapterUpload {
     /// What it holds.
     pub name: String,
     /// Its size.

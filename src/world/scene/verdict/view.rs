@@ -58,6 +58,13 @@ pub struct ViewFigures {
     /// The files beside `check.json`.
     #[serde(flatten)]
     pub pictures: Option<ViewPictures>,
+    /// The error that the lightest colour of the FLIP map stands for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flip_top: Option<f64>,
+    /// The difference that white (and, negated, black) stands for in the picture of the difference; displayed values
+    /// are 0 to 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub difference_top: Option<f64>,
     /// Whether there is no reason in `why` against it; `None` where nothing was judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub passed: Option<bool>,
@@ -185,11 +192,6 @@ pub struct ViewPictures {
     pub difference: String,
     /// The FLIP map.
     pub flip: String,
-    /// The error that the lightest colour of the FLIP map stands for.
-    pub flip_top: f64,
-    /// The difference that white (and, negated, black) stands for in the picture of the difference; displayed values
-    /// are 0 to 1.
-    pub difference_top: f64,
 }
 
 impl ViewFigures {
