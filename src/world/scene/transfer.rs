@@ -4,7 +4,7 @@
 
 use crate::draw::reference;
 use crate::loaded::LoadedScene;
-use crate::manifest::{SceneManifest, ViewKind};
+use crate::manifest::ViewKind;
 use crate::placed::daylight::sun_directions;
 use crate::placed::ledger::Ledger;
 use crate::plan::levels;
@@ -16,7 +16,7 @@ use mesophyll_fits::record::maker::FitOutcome;
 use mesophyll_fits::transfer::{self as fit, Options, TransferFit};
 use mesophyll_transport::ReferenceWorld;
 use mesophyll_transport::transfer::{TransferColumns, TransferMethod};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// A leaf may count as hidden only if the ball around it covers at least so many pixels in every picture. If no ray
