@@ -20,15 +20,15 @@
 //! Reflectance, gloss and normal of one texel, from the light of a tube that travels over it:
 //!
 //! ```
-//! use mesophyll::fits::gloss::{TexelFitter, synthetic::{Noise, Truth, device, pass_x, trace}};
+//! use mesophyll::fits::gloss::{GlossTexelFitter, synthetic::{GaussianDeviates, GlossFitTruth, device, pass_x, trace}};
 //! use mesophyll::optics::{gloss::Lobe, tube::Travel};
 //!
 //! let (device, positions) = (device(Lobe::Beckmann, 0.005), pass_x(100));
-//! let truth = Truth { rho_d: [0.1, 0.2, 0.05], rho_s: [0.04; 3], m: 0.2, tilt: [0.1, 0.0] };
+//! let truth = GlossFitTruth { rho_d: [0.1, 0.2, 0.05], rho_s: [0.04; 3], m: 0.2, tilt: [0.1, 0.0] };
 //! // Readings (red, green, blue) a frame; here those of a known texel with noise.
-//! let readings = trace(&device, Travel::X, &positions, [0.0, 0.0], &truth, Some(&mut Noise::new(1)));
+//! let readings = trace(&device, Travel::X, &positions, [0.0, 0.0], &truth, Some(&mut GaussianDeviates::new(1)));
 //!
-//! let fitter = TexelFitter::new(&device, &positions, None);
+//! let fitter = GlossTexelFitter::new(&device, &positions, None);
 //! let texel = fitter.fit(&mut fitter.workspace(), [0.0, 0.0], &readings, None);
 //! assert!(texel.defect.is_none() && (texel.m - truth.m).abs() < 4.0 * texel.m_err);
 //! ```
@@ -36,14 +36,14 @@
 //! The light of a clear sky, as a shader takes it:
 //!
 //! ```
-//! use mesophyll::sky::{Model, Preetham, irradiance::irradiance, project};
+//! use mesophyll::sky::{Preetham, SkyFamily, irradiance::irradiance, projection};
 //!
 //! let sky = Preetham.sky(40f64.to_radians(), 3.0)?;
 //! // 49 numbers a channel; the sun stands at azimuth 0, which is +x, and z is up.
-//! let harmonics = project::direct(sky.as_ref(), 7);
+//! let harmonics = projection::direct(sky.as_ref(), 7);
 //! let on_the_ground = irradiance(&harmonics, [0.0, 0.0, 1.0]);
 //! assert!(on_the_ground[2] > on_the_ground[0]); // a blue sky
-//! # Ok::<(), mesophyll::sky::Refused>(())
+//! # Ok::<(), mesophyll::sky::SkyRefusal>(())
 //! ```
 //!
 //! Rooms, from the ground up. Each is a package in a folder of its own; it names the rooms it uses in its `Cargo.toml`,
