@@ -39,7 +39,7 @@ pub struct Args {
     /// Folder to write
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
-    /// Polynomials and how they are found; fine: 1e-5 in 42 kB at 7 bands, compact: 1e-4 in 27 kB
+    /// Polynomials and how they are found; at 7 bands, fine takes 42 kB and compact 27 kB (errors: docs/sky.md)
     #[arg(long, value_parser = named::<SkyFitMethod>(), default_value_t = SkyFitMethod::Fine)]
     method: SkyFitMethod,
     /// Bands N: l < N
