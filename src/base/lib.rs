@@ -1,5 +1,5 @@
-//! What every room stands on: the one error, integration, Fourier transforms, least squares, the instruction sets of
-//! processors, and the names and formulas of a leaf's surface. This room reads no files.
+//! What every room stands on: the one error, integration, order statistics, Fourier transforms, least squares, the
+//! instruction sets of processors, and the names and formulas of a leaf's surface. This room reads no files.
 
 pub mod error;
 pub mod fourier;
@@ -7,4 +7,5 @@ pub mod processor;
 pub mod quadrature;
 pub mod random;
 pub mod solvers;
+pub mod statistics;
 pub mod surface;

@@ -40,7 +40,8 @@ fn lines_and_files_are_short() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Names that many modules define, each for itself: a verb's arguments, a function's options, and a package's own error.
+/// Names that many modules define, each for itself: a verb's arguments, a function's options, and a package's own
+/// error.
 const OWN: [&str; 4] = ["Args", "Error", "Options", "Result"];
 
 /// A word means one thing: a public type's name is defined once in the whole workspace. `docs/words.md` explains the

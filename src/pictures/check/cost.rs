@@ -4,6 +4,7 @@
 use crate::report::{TranslucencyCost, ViewFigures};
 use crate::told;
 use mesophyll_base::error::Result;
+use mesophyll_base::statistics::median_of;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
 use mesophyll_viewer as gpu;
@@ -25,7 +26,7 @@ pub fn of(view: &SceneView, timing: &gpu::FrameTiming, renderer: &gpu::Renderer)
         threshold_flip_p99: view.flip_p99,
         threshold_max_error: view.max_error.unwrap_or(0.0),
         threshold_frame_ms: view.frame_ms,
-        passes: timing.passes.iter().map(|(n, t)| (n.clone(), median(t))).collect(),
+        passes: timing.passes.iter().map(|(n, t)| (n.clone(), middle(t))).collect(),
         ..ViewFigures::default()
     };
     if let Some(limit) = view.frame_ms
@@ -75,12 +76,10 @@ pub fn term(
     for &k in &own {
         renderer.set_material(scene, k).map_err(told)?;
     }
-    Ok(Some(TranslucencyCost { ms: Some(times.map(|t| median(&t))), operations }))
+    Ok(Some(TranslucencyCost { ms: Some(times.map(|t| middle(&t))), operations }))
 }
 
-/// The median; 0 for an empty list.
-pub fn median(list: &[f64]) -> f64 {
-    let mut sorted = list.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+/// The median; 0 of nothing.
+fn middle(list: &[f64]) -> f64 {
+    median_of(list.iter().copied()).unwrap_or(0.0)
 }
