@@ -130,20 +130,10 @@ pub fn unscaled(s: f64) -> f64 {
     TAPER_MAX * ((s + 1.0) / 2.0 * (TAPER_MIN / TAPER_MAX).ln()).exp()
 }
 
-/// T_0 … T_{n−1} at s.
-pub fn chebyshev(s: f64, n: usize) -> Vec<f64> {
-    let mut t = vec![1.0, s];
-    while t.len() < n {
-        t.push(2.0 * s * t[t.len() - 1] - t[t.len() - 2]);
-    }
-    t.truncate(n);
-    t
-}
-
 impl TaperSeries {
     /// The shape of a branch of taper `alpha` in [[`TAPER_MIN`], [`TAPER_MAX`]].
     pub fn shape(&self, alpha: f64) -> TaperShape<f64> {
-        let t = chebyshev(scaled(alpha), self.series[0].len());
+        let t = mesophyll_base::chebyshev::values(scaled(alpha), self.series[0].len());
         TaperShape::new(alpha, std::array::from_fn(|k| self.series[k].iter().zip(&t).map(|(c, t)| c * t).sum()))
     }
 

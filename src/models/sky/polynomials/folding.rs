@@ -15,11 +15,12 @@
 //! at the middle of the domain ([`ColourMix`]). Then u is nearly RGB already, and rgb = (K P P̄⁻¹ K⁻¹) u is nearly u.
 //! Without the mixing, red would be a small difference of large numbers, and single precision would lose a digit.
 
+use super::SkyFloat;
 use super::mix::{ColourMix, OrderIndices, scaled_turbidity};
-use super::{SkyFloat, chebyshev};
 use crate::harmonics::HarmonicCoefficients;
 use crate::preetham::{self, PreethamTurbidity};
 use crate::{SkyRefusal, check};
+use mesophyll_base::chebyshev;
 use mesophyll_base::processor::InstructionSet;
 use std::f64::consts::FRAC_PI_2;
 
@@ -175,7 +176,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
         let n = self.rows.len();
         suns(sun_zenith, &mut even[..n], &mut odd[..n]);
         let mut columns = [0.0; MOST_COLUMNS];
-        chebyshev(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
+        chebyshev::fill(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
         let mut products = [[T::default(); 2]; MOST_ROWS * MOST_COLUMNS];
         let mut terms = 0;
         for (i, row) in self.rows.iter().enumerate() {
@@ -197,7 +198,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
     pub fn at(&self, turbidity: f64) -> Result<FixedSky<T>, SkyRefusal> {
         self.accepts(0.0, turbidity)?;
         let mut columns = [0.0; MOST_COLUMNS];
-        chebyshev(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
+        chebyshev::fill(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
         let contract = |from: &[T], width: usize| {
             let mut to = vec![T::default(); self.rows.len() * width];
             let mut term = 0;
@@ -285,8 +286,8 @@ impl<T: SkyFloat> FixedSky<T> {
 #[inline(always)]
 pub fn suns(sun_zenith: f64, even: &mut [f64], odd: &mut [f64]) {
     let x = sun_zenith / FRAC_PI_2;
-    chebyshev(x, 0, 2, even);
-    chebyshev(x, 1, 2, odd);
+    chebyshev::fill(x, 0, 2, even);
+    chebyshev::fill(x, 1, 2, odd);
 }
 
 /// Largest number of functions of one parity (those of 12 bands), times three.

@@ -1,9 +1,10 @@
 //! Coefficients as a product of two polynomial bases in θs and τ: one polynomial for each coefficient and channel
 //! (Habel 2009 Eq. 5.1).
 
-use super::{SkyFloat, chebyshev};
+use super::SkyFloat;
 use crate::harmonics::HarmonicCoefficients;
 use crate::{SkyRefusal, check};
+use mesophyll_base::chebyshev;
 use std::f64::consts::FRAC_PI_2;
 
 /// The functions of a variable.
@@ -120,6 +121,6 @@ pub fn fill(basis: PolynomialBasis, x: f64, [low, high]: [f64; 2], out: &mut [f6
                 power *= x;
             }
         }
-        PolynomialBasis::Chebyshev => chebyshev((2.0 * x - low - high) / (high - low), 0, 1, out),
+        PolynomialBasis::Chebyshev => chebyshev::fill((2.0 * x - low - high) / (high - low), 0, 1, out),
     }
 }
