@@ -2,8 +2,8 @@
 //! integration.
 
 use super::SkyFitForm;
+use mesophyll_base::number::FloatingPoint;
 use mesophyll_base::statistics::median;
-use mesophyll_sky::polynomials::SkyFloat;
 use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule};
 use mesophyll_sky::{HarmonicCoefficients, SkyFamily};
 use rayon::prelude::*;
@@ -76,7 +76,7 @@ impl SkyFitReference {
 }
 
 /// Judges a fit by its [`SkyFitForm::coefficients`].
-pub fn judge<T: SkyFloat>(form: &SkyFitForm<T>, reference: &SkyFitReference) -> SkyFitErrors {
+pub fn judge<T: FloatingPoint>(form: &SkyFitForm<T>, reference: &SkyFitReference) -> SkyFitErrors {
     judge_with(|s, t| form.coefficients(s, t).ok(), reference)
 }
 
