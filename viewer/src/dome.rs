@@ -28,7 +28,8 @@ pub(crate) fn norm(l: usize, m: usize) -> f64 {
     (two * (2 * l + 1) as f64 / (4.0 * PI) / ratio).sqrt() * odd
 }
 
-/// The harmonic Y_lm in the unit direction `d`.
+/// The harmonic Y_lm in the unit direction `d`, by the shader's recurrence and [`norm`]: what the tests below say of it
+/// holds for the shader's harmonics. So it is not taken from the room `sky`, whose recurrence carries the norms along.
 pub(crate) fn harmonic(l: usize, m: isize, [x, y, z]: [f64; 3]) -> f64 {
     let a = m.unsigned_abs();
     let (mut cos, mut sin) = (1.0, 0.0);

@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::readback;
+use mesophyll_base::statistics::percentile;
 
 /// The passes, in the order of their pairs of timestamps.
 pub(crate) const PASSES: [&str; 3] = ["shadow", "main", "tonemap"];
@@ -22,8 +23,7 @@ impl FrameTiming {
     pub fn quantile(&self, q: f64) -> Option<f64> {
         let mut sorted = self.frame_ms.clone();
         sorted.sort_by(f64::total_cmp);
-        let rank = (q * sorted.len() as f64).ceil() as usize;
-        sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
+        percentile(&sorted, q)
     }
 }
 

@@ -3,12 +3,10 @@
 //!
 //! G. H. Golub, "Numerical methods for solving linear least squares problems", Numer. Math. 7 (1965), 206–216.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use crate::number::Arithmetic;
 
 /// The operations that linear algebra needs: for `f64`, or for a number with more digits that results are checked with.
-pub trait MatrixScalar:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
-{
+pub trait MatrixScalar: Arithmetic {
     /// A constant: exact in every implementation.
     fn constant(value: f64) -> Self;
     /// The nearest `f64`.

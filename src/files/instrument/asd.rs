@@ -7,6 +7,7 @@
 //! dark current does not cancel and must have been subtracted.
 
 use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
+use mesophyll_base::statistics::median_of;
 
 /// Bytes of the header.
 const HEADER: usize = 484;
@@ -94,12 +95,6 @@ fn reference(bytes: &Bytes, version: u8, end: usize, n: usize, kind: Kind) -> Re
     Ok(values.iter().any(|v| *v > 0.0).then_some(values))
 }
 
-fn median(values: &[f64]) -> f64 {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
 pub(super) fn read(bytes: &[u8], name: &str) -> Result<InstrumentFile, String> {
     let version = version(bytes).ok_or("the first bytes name no version")?;
     let bytes = Bytes(bytes);
@@ -144,7 +139,8 @@ pub(super) fn read(bytes: &[u8], name: &str) -> Result<InstrumentFile, String> {
     let reference = reference(&bytes, version, end, n, kind);
     let has_reference = matches!(reference, Ok(Some(_)));
     // Reflectances are about 1 at most, counts are hundreds and more.
-    let divided = stored == result && median(&spectrum).abs() <= 2.0;
+    let middle = median_of(spectrum.iter().copied().filter(|v| v.is_finite()));
+    let divided = stored == result && middle.is_some_and(|m| m.abs() <= 2.0);
     file.holds = vec![(if stored == result && !divided { SpectrumQuantity::Counts } else { stored }, 1)];
     if has_reference {
         file.notes.push("the file holds the spectrum of its white reference".into());

@@ -7,6 +7,7 @@
 use super::join::joined;
 use super::text::{left_out, lines, number, pair, wavelength};
 use super::{InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
+use mesophyll_base::statistics::median_of;
 use std::collections::HashMap;
 
 /// `/*** Spectra Vista SIG Data ***/`, `/*** Spectra Vista HR-1024 ***/`, `///GER SIGNATUR FILE///`.
@@ -95,8 +96,7 @@ fn row(line: &str) -> Option<[f64; 4]> {
 /// The form states per cent. Programs have written shares all the same, so the unit is taken from the file's own
 /// readings: the reflectance is the target over the reference.
 fn unit(rows: &[[f64; 4]]) -> ReflectanceUnit {
-    let mut scales: Vec<f64> = rows.iter().map(|r| r[3] * r[1] / r[2]).filter(|s| s.is_finite() && *s > 0.0).collect();
-    scales.sort_by(f64::total_cmp);
-    let share = scales.get(scales.len() / 2).is_some_and(|middle| (0.5..2.0).contains(middle));
+    let scales = rows.iter().map(|r| r[3] * r[1] / r[2]).filter(|s| s.is_finite() && *s > 0.0);
+    let share = median_of(scales).is_some_and(|middle| (0.5..2.0).contains(&middle));
     if share { ReflectanceUnit::Share } else { ReflectanceUnit::PerCent }
 }

@@ -4,6 +4,7 @@
 use super::{CAUSE, CLOSE, FACTOR, Seen, Setup, figure, sample};
 use crate::leaf::held_out::{FramePredictor, PredictionScratch, known_errors, texel_of};
 use crate::record::scan::{HeldOutResiduals, ScanRecord};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::tube::Travel;
 
@@ -70,7 +71,7 @@ fn least(seen: &Seen, out: &mut Vec<String>) {
             let (Some(value), Some(error)) = (seen.maps.plane(quantity, c), errors.plane(quantity, c)) else {
                 continue;
             };
-            let ratio = median(seen.good.iter().map(|&k| f64::from(error[k]) / f64::from(value[k])));
+            let ratio = middle(seen.good.iter().map(|&k| f64::from(error[k]) / f64::from(value[k])));
             let bound = scan.noise_relative / each.sqrt();
             if ratio < bound * 0.9 {
                 out.push(format!(
@@ -128,7 +129,7 @@ fn afresh(seen: &Seen, out: &mut Vec<String>) {
         if ratios.len() < SAMPLE / 4 {
             continue;
         }
-        let ratio = median(ratios.into_iter());
+        let ratio = middle(ratios.into_iter());
         // The fit widens errors where gloss is faint, where two minima rival, and by the tilt that one pass does not
         // show; it never makes them smaller.
         if ratio < 1.0 / FACTOR {
@@ -166,8 +167,7 @@ fn positions(held: &HeldOutResiduals, frames: usize) -> Option<Vec<f64>> {
     (even && step != 0.0).then(|| (0..frames).filter(|k| !held.frames.contains(k)).map(|k| at(k as f64)).collect())
 }
 
-fn median(of: impl Iterator<Item = f64>) -> f64 {
-    let mut list: Vec<f64> = of.filter(|v| !v.is_nan()).collect();
-    list.sort_unstable_by(f64::total_cmp);
-    list.get(list.len() / 2).copied().unwrap_or(f64::NAN)
+/// The median without NaN; NaN of nothing.
+fn middle(of: impl Iterator<Item = f64>) -> f64 {
+    median_of(of.filter(|v| !v.is_nan())).unwrap_or(f64::NAN)
 }

@@ -9,6 +9,7 @@ use crate::leaf::faults::transmittance::{self, TransmittanceView};
 use crate::leaf_folder::{BLADE, LeafFitFile, filling, previews};
 use crate::record::fault::MeasurementFault;
 use crate::record::{FitParameter, FitRecord, RecordSection, TruthError};
+use mesophyll_base::statistics::{median, upper_quantile};
 use mesophyll_capture::dome::DomeCapture;
 use mesophyll_capture::dome::highlight::fresnel_normal;
 use mesophyll_capture::dome::reduction::DEFECTS;
@@ -263,12 +264,13 @@ pub fn judged(
                 inside += usize::from((v - t).abs() <= 1.96 * e + 2.4e-7 * t.abs());
             }
         }
-        relative.sort_unstable_by(f64::total_cmp);
-        if let (Some(median), Some(p99)) = (relative.get(relative.len() / 2), relative.get(relative.len() * 99 / 100)) {
+        if let (Some(median_relative), Some(p99_relative)) =
+            (median(&mut relative), upper_quantile(&mut relative, 99, 100))
+        {
             let coverage95 = Some(inside as f64 / judged as f64);
             out.insert(
                 quantity.name().into(),
-                TruthError { median_relative: *median, p99_relative: *p99, coverage95, judged: Some(judged) },
+                TruthError { median_relative, p99_relative, coverage95, judged: Some(judged) },
             );
         }
     }

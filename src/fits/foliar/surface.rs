@@ -4,10 +4,10 @@
 //! Thousands of leaves share the refractive indices of a wavelength. So the exact method runs once for each node
 //! instead of at every step of every leaf's fit.
 
+use mesophyll_base::chebyshev;
 use mesophyll_optics::foliar::exact::{LeafOperator, Resolution};
 use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
-use std::f64::consts::PI;
 
 /// Largest oblateness of the epidermis that the fit looks for. The lobe is then 6° wide.
 pub const MOST_OBLATE: f64 = 100.0;
@@ -58,22 +58,6 @@ pub fn widest() -> f64 {
     MOST_OBLATE.ln_1p()
 }
 
-/// Node `k` of `n`: the `k`th zero of T_n.
-pub fn chebyshev_node(k: usize, n: usize) -> f64 {
-    (PI * (k as f64 + 0.5) / n as f64).cos()
-}
-
-/// T_0 … T_(N−1) at `t` and their derivatives.
-fn chebyshev<const N: usize>(t: f64) -> ([f64; N], [f64; N]) {
-    let (mut value, mut slope) = ([1.0; N], [0.0; N]);
-    (value[1], slope[1]) = (t, 1.0);
-    for k in 2..N {
-        value[k] = 2.0 * t * value[k - 1] - value[k - 2];
-        slope[k] = 2.0 * value[k - 1] + 2.0 * t * slope[k - 1] - slope[k - 2];
-    }
-    (value, slope)
-}
-
 impl ResponseSurface {
     /// The surface of a leaf whose refractive indices (cuticle, mesophyll, antidermal wall) are `indices`.
     pub fn new(indices: [f64; 3], setting: &FoliarFitSetting, side: Side) -> ResponseSurface {
@@ -81,13 +65,13 @@ impl ResponseSurface {
         let top = BLACK / (BLACK + BEND);
         let mut nodes = [vec![0.0; LOBES * DEPTHS], vec![0.0; LOBES * DEPTHS]];
         for i in 0..LOBES {
-            let epidermis = (0.5 * widest() * (1.0 + chebyshev_node(i, LOBES))).exp_m1();
+            let epidermis = (0.5 * widest() * (1.0 + chebyshev::node(i, LOBES))).exp_m1();
             let FoliarFitSetting { palisade, spongy, path, .. } = *setting;
             let oblateness = Oblateness { epidermis, palisade, spongy, ..Oblateness::USUAL };
             let leaf = LayeredLeaf { depth: 0.0, n_cuticle, n_mesophyll, n_antidermal, oblateness, path };
             let prepared = LeafOperator::new(&leaf, RESOLUTION);
             for j in 0..DEPTHS {
-                let v = 0.5 * top * (1.0 + chebyshev_node(j, DEPTHS));
+                let v = 0.5 * top * (1.0 + chebyshev::node(j, DEPTHS));
                 let found = prepared.solve(BEND * v / (1.0 - v)).response(side, setting.incidence);
                 nodes[0][i * DEPTHS + j] = found.reflectance;
                 nodes[1][i * DEPTHS + j] = found.transmittance;
@@ -96,9 +80,9 @@ impl ResponseSurface {
         let coefficients = nodes.map(|values| {
             let mut out = vec![0.0; LOBES * DEPTHS];
             for i in 0..LOBES {
-                let (of_lobe, _) = chebyshev::<LOBES>(chebyshev_node(i, LOBES));
+                let (of_lobe, _) = chebyshev::slopes::<LOBES>(chebyshev::node(i, LOBES));
                 for j in 0..DEPTHS {
-                    let (of_depth, _) = chebyshev::<DEPTHS>(chebyshev_node(j, DEPTHS));
+                    let (of_depth, _) = chebyshev::slopes::<DEPTHS>(chebyshev::node(j, DEPTHS));
                     for (k, a) in of_lobe.iter().enumerate() {
                         for (l, b) in of_depth.iter().enumerate() {
                             let scale = [1.0, 2.0][usize::from(k > 0)] * [1.0, 2.0][usize::from(l > 0)];
@@ -145,8 +129,8 @@ impl ResponseSurface {
         let (x, dx) = (2.0 * inside / (inside + BEND) / top - 1.0, 2.0 * BEND / (inside + BEND).powi(2) / top);
         let dx = if depth > BLACK { 0.0 } else { dx };
         let (y, dy) = (2.0 * lobe / widest() - 1.0, 2.0 / widest());
-        let (of_depth, slope_depth) = chebyshev::<DEPTHS>(x);
-        let (of_lobe, slope_lobe) = chebyshev::<LOBES>(y);
+        let (of_depth, slope_depth) = chebyshev::slopes::<DEPTHS>(x);
+        let (of_lobe, slope_lobe) = chebyshev::slopes::<LOBES>(y);
         [0, 1].map(|which| {
             let (mut value, mut by_depth, mut by_lobe) = (0.0, 0.0, 0.0);
             for (row, (a, da)) in self.coefficients[which].chunks_exact(DEPTHS).zip(of_lobe.iter().zip(&slope_lobe)) {

@@ -6,7 +6,8 @@
 //! n_mesophyll), n_mesophyll and √(n_mesophyll − n_antidermal), because the angles of total reflection start like the
 //! square roots of these differences. The error is checked at some of the spectrum's own indices.
 
-use super::surface::{FoliarFitSetting, ResponseSurface, chebyshev_node};
+use super::surface::{FoliarFitSetting, ResponseSurface};
+use mesophyll_base::chebyshev;
 use mesophyll_optics::side::Side;
 use rayon::prelude::*;
 
@@ -44,7 +45,7 @@ fn weights(n: usize, t: f64) -> Vec<f64> {
     // T_j(t) = cos(j arccos t); the same formula gives T_j at the nodes.
     let angle = t.clamp(-1.0, 1.0).acos();
     let weight = |k: usize| {
-        let at = chebyshev_node(k, n).acos();
+        let at = chebyshev::node(k, n).acos();
         let sum: f64 = (1..n).map(|j| (j as f64 * angle).cos() * (j as f64 * at).cos()).sum();
         (1.0 + 2.0 * sum) / n as f64
     };
@@ -73,7 +74,7 @@ impl ResponseSurfaceTable {
             }
             let at = |axis: usize, k: usize| {
                 let [low, high] = range[axis];
-                0.5 * (low + high) + 0.5 * (high - low) * chebyshev_node(k, counts[axis])
+                0.5 * (low + high) + 0.5 * (high - low) * chebyshev::node(k, counts[axis])
             };
             let node = |k: usize| indices([at(0, k / (b * c)), at(1, k / c % b), at(2, k % c)]);
             let nodes: Vec<ResponseSurface> =
@@ -117,7 +118,7 @@ mod tests {
             for t in [-1.0, -0.3, 0.77, 1.0] {
                 let w = weights(n, t);
                 for power in 0..n as i32 {
-                    let sum: f64 = w.iter().enumerate().map(|(k, w)| w * chebyshev_node(k, n).powi(power)).sum();
+                    let sum: f64 = w.iter().enumerate().map(|(k, w)| w * chebyshev::node(k, n).powi(power)).sum();
                     assert!((sum - t.powi(power)).abs() < 1e-13, "{n} {t} {power}");
                 }
             }

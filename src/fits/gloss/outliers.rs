@@ -4,6 +4,7 @@
 use super::RobustWeighting;
 use super::texel::{CONVERGED, Job, State};
 use mesophyll_base::solvers::Termination;
+use mesophyll_base::statistics::{NORMAL_SCATTER, median_of};
 
 /// A residual of more than this many standard deviations is an outlier. With 300 samples, noise alone reaches it in one
 /// of 500 texels.
@@ -76,9 +77,7 @@ impl Job<'_> {
 
     /// Robust scale of the standardised residuals, at least 1.
     fn scale(&self, state: &State, readings: &[(usize, usize)]) -> f64 {
-        let mut r: Vec<f64> = readings.iter().map(|&(c, k)| self.residual(state, c, k).abs()).collect();
-        let middle = r.len() / 2;
-        let (_, median, _) = r.select_nth_unstable_by(middle, f64::total_cmp);
-        (1.4826 * *median).max(1.0)
+        let sizes = readings.iter().map(|&(c, k)| self.residual(state, c, k).abs());
+        (NORMAL_SCATTER * median_of(sizes).unwrap_or(f64::NAN)).max(1.0)
     }
 }

@@ -15,6 +15,7 @@ use crate::leaf::slabmaps::{SigmaEstimate, SlabInverter};
 use crate::leaf::{LeafFitMethod, Options};
 use crate::record::FitTimes;
 use mesophyll_base::solvers::Termination;
+use mesophyll_base::statistics::median_of;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
@@ -309,8 +310,8 @@ impl Good {
 /// A start from the leaf's median reflectance and transmittance a channel.
 pub fn start(texels: &[LeafWideTexel], h: f64) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|c: usize| {
-        let d = outliers::median(texels.iter().map(|x| x.rho_d[c]).collect());
-        let t = outliers::median(texels.iter().map(|x| x.rho_t[c]).collect()).max(1e-4);
+        let d = median_of(texels.iter().map(|x| x.rho_d[c])).unwrap_or(f64::NAN);
+        let t = median_of(texels.iter().map(|x| x.rho_t[c])).unwrap_or(f64::NAN).max(1e-4);
         let found = slab::inverse::invert(d, t, h, 1e-3 * d, 1e-3 * t);
         if found.sigma_a.is_finite() && found.sigma_s.is_finite() && found.sigma_a > 0.0 && found.sigma_s > 0.0 {
             [found.sigma_a, found.sigma_s]

@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::gloss::ReadingNoise;
 use crate::leaf::held_out::FrameSplits;
+use mesophyll_base::statistics::{NORMAL_MEDIAN, median, median_of};
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
@@ -117,16 +118,12 @@ fn roughness(image: &[[f32; 3]], width: usize, unit: impl Fn(usize, [f64; 3]) ->
     if differences.len() < 256 {
         return None;
     }
-    let median = |list: &mut Vec<f64>| {
-        let middle = list.len() / 2;
-        *list.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
-    let first = median(&mut differences) / 0.6745;
+    let first = median(&mut differences)? / 0.6745;
     // Then the root mean square within three standard deviations is taken, which is a more precise estimate than the
     // median. The mean square of a normal distribution that is cut off there is 0.97334.
     let (count, sum) = differences.iter().filter(|d| **d <= 3.0 * first).fold((0, 0.0), |(n, s), d| (n + 1, s + d * d));
     let seen = if first > 0.0 { (sum / f64::from(count) / 0.97334).sqrt() } else { 0.0 };
-    Some((seen, median(&mut units)))
+    Some((seen, median(&mut units)?))
 }
 
 /// Robust standard deviation of the traces' fourth differences, in units of what the noise makes of them. Fourth
@@ -149,8 +146,7 @@ fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f6
     if all.len() < 1000 {
         return None;
     }
-    let middle = all.len() / 2;
-    Some(*all.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.674_489_75)
+    Some(median(&mut all)? / NORMAL_MEDIAN)
 }
 
 /// Traces of texels across the middle rows, with NaN in the frames that the fit leaves out. Returns the texels, and the
@@ -193,9 +189,8 @@ fn estimate(traces: &[Vec<f64>]) -> (f64, f64) {
     let bins: Vec<(f64, f64)> = points
         .chunks(points.len().div_ceil(16))
         .map(|chunk| {
-            let mut d: Vec<f64> = chunk.iter().map(|p| p.1).collect();
-            d.sort_unstable_by(f64::total_cmp);
-            (chunk[chunk.len() / 2].0, d[d.len() / 2] / 0.6745)
+            let middle = median_of(chunk.iter().map(|p| p.1)).unwrap_or(f64::NAN);
+            (chunk[chunk.len() / 2].0, middle / 0.6745)
         })
         .collect();
     // A weighted straight line of sd² over value². The weights are 1/sd⁴, so that bright bins do not hide the floor.

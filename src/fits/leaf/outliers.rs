@@ -9,6 +9,7 @@ use super::curve::RANGE;
 use super::defect::{OF_SCANS, failed_reading, of_light_box};
 use super::leaf_wide::{GaugeSubstitutes, LeafWideFit, LeafWideTexel};
 use super::texels;
+use mesophyll_base::statistics::{median_of, spread};
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::defect::Defect;
@@ -32,21 +33,6 @@ const CANDIDATES: usize = 40;
 /// by veins, lamina by lamina.
 const NEIGHBOURS: usize = 8;
 
-/// Median; NaN of nothing.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// Median and scatter (1.4826 times the median absolute deviation: a Gaussian's standard deviation).
-fn spread(values: &[f64]) -> (f64, f64) {
-    let centre = median(values.to_vec());
-    (centre, 1.4826 * median(values.iter().map(|v| (v - centre).abs()).collect()))
-}
-
 /// Texels of `mask` whose χ² no noise explains: it is far above 1, and far above that of this leaf's other texels.
 /// Where the stated noise or the model is wrong, χ² is equally high in all texels, and none stands out.
 pub fn unexplained(maps: &ChannelMaps, mask: &[bool]) -> Vec<bool> {
@@ -62,7 +48,7 @@ pub fn unexplained(maps: &ChannelMaps, mask: &[bool]) -> Vec<bool> {
     };
     let all: Vec<f64> =
         (0..mask.len()).filter(|&k| code[k] == 1.0).filter_map(reduced).map(|(r, _)| r.max(1e-9).ln()).collect();
-    let (centre, scatter) = spread(&all);
+    let (centre, scatter) = spread(&all).unwrap_or((f64::NAN, f64::NAN));
     (0..mask.len())
         .map(|k| {
             let Some((r, freedom)) = reduced(k) else { return false };
@@ -77,10 +63,11 @@ pub fn unexplained(maps: &ChannelMaps, mask: &[bool]) -> Vec<bool> {
 pub fn of_leaf(texels: &[LeafWideTexel], wide: &LeafWideFit, h: f64) -> Vec<(usize, Defect)> {
     let gamma = [0, 1, 2].map(|c: usize| {
         let list: Vec<f64> = wide.locals.iter().filter(|l| l.gamma[c] > 0.0).map(|l| l.gamma[c].ln()).collect();
-        spread(&list)
+        spread(&list).unwrap_or((f64::NAN, f64::NAN))
     });
-    let thickness = spread(&wide.locals.iter().map(|l| l.thickness.ln()).collect::<Vec<_>>());
-    let chi2 = median(wide.locals.iter().map(|l| l.chi2).collect());
+    let thickness: Vec<f64> = wide.locals.iter().map(|l| l.thickness.ln()).collect();
+    let thickness = spread(&thickness).unwrap_or((f64::NAN, f64::NAN));
+    let chi2 = median_of(wide.locals.iter().map(|l| l.chi2)).unwrap_or(f64::NAN);
     // The median of χ² with two degrees of freedom is 2 ln 2.
     let chi2_limit = TRANSMITTANCE_CHI2 * (chi2 / (2.0 * std::f64::consts::LN_2)).max(1.0);
     let foreign = |k: usize| {

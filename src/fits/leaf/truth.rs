@@ -12,6 +12,7 @@ use crate::leaf::curve::Incidence;
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::slabmaps::SlabInverter;
 use crate::record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
+use mesophyll_base::statistics::{median, median_of, upper_quantile};
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
@@ -128,10 +129,9 @@ pub fn compare(capture: &TubeCapture, fitted: &LeafSideFit) -> Result<TruthCompa
                 cross.iter().map(|v| v * v).sum::<f64>().sqrt().atan2(dot).to_degrees()
             })
             .collect();
-        angles.sort_unstable_by(f64::total_cmp);
-        if !angles.is_empty() {
-            figures.insert("normal_median_error_deg".into(), angles[angles.len() / 2]);
-            figures.insert("normal_p99_error_deg".into(), angles[(angles.len() * 99) / 100]);
+        if let (Some(median), Some(p99)) = (median(&mut angles), upper_quantile(&mut angles, 99, 100)) {
+            figures.insert("normal_median_error_deg".into(), median);
+            figures.insert("normal_p99_error_deg".into(), p99);
         }
     }
     Ok(TruthComparison { errors, figures, pigment: Some(pigment).filter(|p| !p.channels.is_empty()) })
@@ -146,9 +146,7 @@ fn follows(mut pairs: Vec<[f64; 2]>) -> [f64; 2] {
     let means = [mean(0), mean(1)];
     let product = |j: usize, k: usize| pairs.iter().map(|p| (p[j] - means[j]) * (p[k] - means[k])).sum::<f64>();
     let correlation = product(0, 1) / (product(0, 0) * product(1, 1)).sqrt();
-    let mut ratios: Vec<f64> = pairs.iter().map(|[a, s]| s / a).collect();
-    ratios.sort_unstable_by(f64::total_cmp);
-    [correlation, ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN)]
+    [correlation, median_of(pairs.iter().map(|[a, s]| s / a)).unwrap_or(f64::NAN)]
 }
 
 /// A gap of this share of the smallest standard error changes the coverage of a 95 % interval by less than half a per
@@ -234,21 +232,11 @@ impl Samples {
     }
 
     fn store(mut self, into: &mut BTreeMap<String, TruthError>, name: &str) {
-        if self.relative.is_empty() {
-            return;
-        }
-        self.relative.sort_unstable_by(f64::total_cmp);
-        let n = self.relative.len();
+        let all = &mut self.relative;
+        let (Some(median_relative), Some(p99_relative)) = (median(all), upper_quantile(all, 99, 100)) else { return };
         let coverage95 = Some(self.inside as f64 / self.judged as f64);
-        into.insert(
-            name.into(),
-            TruthError {
-                median_relative: self.relative[n / 2],
-                p99_relative: self.relative[n * 99 / 100],
-                coverage95,
-                judged: Some(self.judged),
-            },
-        );
+        let error = TruthError { median_relative, p99_relative, coverage95, judged: Some(self.judged) };
+        into.insert(name.into(), error);
     }
 }
 

@@ -1,6 +1,7 @@
 //! 8-bit previews of a fit's maps, for people.
 
 use crate::leaf_folder::Result;
+use mesophyll_base::statistics::lower_quantile;
 use mesophyll_files::image::{ChannelMaps, to_srgb8, write_png};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Side;
@@ -30,11 +31,9 @@ pub fn write(out: &Path, side: Side, values: &ChannelMaps) -> Result<()> {
     }
     for quantity in [Quantity::M, Quantity::Thickness] {
         let plane = values.scalar(quantity).unwrap_or_default();
-        let mut sorted: Vec<f32> =
+        let mut good: Vec<f32> =
             plane.iter().zip(mask).filter(|(v, m)| **m == 1.0 && v.is_finite()).map(|(v, _)| *v).collect();
-        sorted.sort_unstable_by(f32::total_cmp);
-        let at = |q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
-        let (lo, hi) = (at(0.01), at(0.99));
+        let [lo, hi] = [0.01, 0.99].map(|share| lower_quantile(&mut good, share).unwrap_or(0.0));
         save(quantity.name(), &|k| [(((plane[k] - lo) / (hi - lo).max(1e-12)).clamp(0.0, 1.0) * 255.0) as u8; 3])?;
     }
     let normal = three(Quantity::Normal);

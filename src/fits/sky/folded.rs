@@ -7,6 +7,7 @@
 use super::nodes::{self, lower};
 use super::{Options, SkyFit, SkyFitForm};
 use crate::record::FitPhase;
+use mesophyll_base::chebyshev;
 use mesophyll_base::solvers::{Termination, TraceRow, decomposition, qr};
 use mesophyll_sky::polynomials::FoldedPolynomials;
 use mesophyll_sky::polynomials::folding::{MOST_COLUMNS, MOST_ROWS, suns};
@@ -122,7 +123,7 @@ fn design(
         .iter()
         .map(|t| {
             let mut c = [0.0; MOST_COLUMNS];
-            mesophyll_sky::polynomials::chebyshev(scaled_turbidity(*t, range), 0, 1, &mut c);
+            chebyshev::fill(scaled_turbidity(*t, range), 0, 1, &mut c);
             c
         })
         .collect();

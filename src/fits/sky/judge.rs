@@ -2,7 +2,8 @@
 //! integration.
 
 use super::SkyFitForm;
-use mesophyll_sky::polynomials::SkyFloat;
+use mesophyll_base::number::FloatingPoint;
+use mesophyll_base::statistics::median;
 use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule};
 use mesophyll_sky::{HarmonicCoefficients, SkyFamily};
 use rayon::prelude::*;
@@ -75,7 +76,7 @@ impl SkyFitReference {
 }
 
 /// Judges a fit by its [`SkyFitForm::coefficients`].
-pub fn judge<T: SkyFloat>(form: &SkyFitForm<T>, reference: &SkyFitReference) -> SkyFitErrors {
+pub fn judge<T: FloatingPoint>(form: &SkyFitForm<T>, reference: &SkyFitReference) -> SkyFitErrors {
     judge_with(|s, t| form.coefficients(s, t).ok(), reference)
 }
 
@@ -133,8 +134,7 @@ pub fn judge_with(
             out.worst_at = (*s, *t, *channel);
         }
     }
-    all.sort_by(f64::total_cmp);
-    out.median = all.get(all.len() / 2).copied().unwrap_or(f64::NAN);
+    out.median = median(&mut all).unwrap_or(f64::NAN);
     out.worst_sum = out.by_bands.last().map_or(f64::NAN, |b| b[1]);
     if all.is_empty() {
         out.worst = f64::NAN;

@@ -101,7 +101,7 @@ pub enum SkyFitForm<T = f64> {
     Tensor(PolynomialTensor<T>),
 }
 
-impl<T: mesophyll_sky::polynomials::SkyFloat> SkyFitForm<T> {
+impl<T: mesophyll_base::number::FloatingPoint> SkyFitForm<T> {
     /// N² coefficients in linear sRGB (kcd/m²), sun at azimuth 0.
     ///
     /// # Errors

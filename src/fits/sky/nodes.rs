@@ -1,23 +1,24 @@
 //! Where skies are sampled for a fit: Chebyshev nodes in (θs, ln(τ − τ₀)), where θs is the sun's zenith angle and τ the
 //! turbidity. Also the integrals at these nodes, without their prefactors.
 
+use mesophyll_base::chebyshev;
 use mesophyll_sky::polynomials::FoldedPolynomials;
 use mesophyll_sky::polynomials::folding::suns;
 use mesophyll_sky::polynomials::mix::{ColourMix, OrderIndices, TURBIDITY_ZERO, scaled_turbidity};
 use mesophyll_sky::preetham::PreethamTurbidity;
 use mesophyll_sky::projection::{ProjectionQuality, ProjectionRule};
 use rayon::prelude::*;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 /// Sun angles at the positive half of 2n Chebyshev nodes on (−π/2, π/2), from the horizon upwards. Functions of one
 /// parity need no more.
 pub fn half(n: usize) -> Vec<f64> {
-    (0..n).map(|k| FRAC_PI_2 * (PI * (k as f64 + 0.5) / (2 * n) as f64).cos()).collect()
+    (0..n).map(|k| FRAC_PI_2 * chebyshev::node(k, 2 * n)).collect()
 }
 
 /// n Chebyshev nodes on [low, high].
 pub fn whole(n: usize, [low, high]: [f64; 2]) -> Vec<f64> {
-    (0..n).map(|k| 0.5 * (low + high) + 0.5 * (high - low) * (PI * (k as f64 + 0.5) / n as f64).cos()).collect()
+    (0..n).map(|k| 0.5 * (low + high) + 0.5 * (high - low) * chebyshev::node(k, n)).collect()
 }
 
 /// n turbidities at Chebyshev nodes in ln(τ − τ₀).
@@ -64,7 +65,7 @@ pub fn dense(bands: usize, range: [f64; 2]) -> Result<FoldedPolynomials<f64>, St
     // Weights of the discrete transform: 2/n, and half of that for degree 0.
     let mut columns = vec![[0.0; TURBID]; TURBID];
     for (row, t) in columns.iter_mut().zip(&samples.turbidities) {
-        mesophyll_sky::polynomials::chebyshev(scaled_turbidity(*t, range), 0, 1, row);
+        chebyshev::fill(scaled_turbidity(*t, range), 0, 1, row);
     }
     let (mut even, mut odd) = (vec![[0.0; SUNS]; SUNS], vec![[0.0; SUNS]; SUNS]);
     for (k, s) in samples.suns.iter().enumerate() {

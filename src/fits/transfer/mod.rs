@@ -16,6 +16,7 @@ mod sun;
 mod tests;
 
 pub use layout::{LeafRows, TransferLayout};
+use mesophyll_base::statistics::lower_quantile;
 pub use store::{OPERATORS, TransferFit};
 pub use sun::{FreeSun, SUN, SunShadowMaps, TransferSun};
 
@@ -213,8 +214,7 @@ fn describe(record: &mut FitRecord, layout: &TransferLayout, options: &Options, 
     section.counts.insert("columns".into(), options.columns.count());
     section.counts.insert("no_light".into(), dark);
     let mut known: Vec<f32> = errors.iter().copied().filter(|e| e.is_finite()).collect();
-    known.sort_unstable_by(f32::total_cmp);
-    let at = |share: f64| known.get(((known.len() as f64 - 1.0) * share) as usize).map_or(f64::NAN, |e| f64::from(*e));
+    let mut at = |share: f64| lower_quantile(&mut known, share).map_or(f64::NAN, f64::from);
     for (name, value) in [("irradiance_error_median", at(0.5)), ("irradiance_error_worst", at(1.0))] {
         section.figures.insert(name.into(), value);
     }

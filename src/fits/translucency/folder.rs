@@ -13,6 +13,7 @@ use super::{Options, TissueName, TissueSource, TranslucencyColour};
 use crate::leaf_folder::LeafFitFile;
 use crate::record::{FitParameter, FitRecord, RecordSection};
 use crate::translucency::Result;
+use mesophyll_base::statistics::upper_quantile;
 use mesophyll_files::image::{ChannelMaps, Packing, to_srgb8, write_exr, write_png};
 use mesophyll_files::quantity::Quantity;
 use std::path::Path;
@@ -103,8 +104,7 @@ fn preview(out: &Path, source: &TranslucencyLeaf, side: &TranslucencySide) -> Re
     let Some(images) = side.coefficients.first() else { return Ok(()) };
     let mut all: Vec<f64> =
         images.iter().flat_map(|i| i.iter().zip(&side.mask).filter(|(_, m)| **m).map(|(v, _)| *v)).collect();
-    all.sort_unstable_by(f64::total_cmp);
-    let top = all.get(all.len() * 99 / 100).copied().unwrap_or(1.0).max(1e-12);
+    let top = upper_quantile(&mut all, 99, 100).unwrap_or(1.0).max(1e-12);
     let bytes: Vec<u8> = (0..side.mask.len())
         .flat_map(|k| {
             let of = |i: usize| to_srgb8((0.8 * images[i.min(images.len() - 1)][k] / top).clamp(0.0, 1.0) as f32);

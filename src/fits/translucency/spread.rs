@@ -69,6 +69,7 @@ impl TranslucencySpread {
         let bias = errors.iter().sum::<f64>() / n;
         let rms = (errors.iter().map(|e| e * e).sum::<f64>() / n).sqrt();
         errors.iter_mut().for_each(|e| *e = e.abs());
+        // The mean is summed from the smallest to the largest, so the list is sorted as a whole.
         errors.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
             errors

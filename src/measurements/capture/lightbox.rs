@@ -4,6 +4,7 @@
 //! (`data/README.md`).
 
 use super::grid::neighbours;
+use mesophyll_base::statistics::median_of;
 
 /// The ratio leaf/box with its standard error, for each texel and channel. NaN where the box reads nothing.
 #[derive(Debug, Clone, Default)]
@@ -52,12 +53,8 @@ pub fn transmittance(
 /// pieces of at least 1 % of the largest piece. Empty when nothing stands out.
 pub fn mask_from_transmission(ratio: &[[f32; 3]], width: usize, height: usize) -> Vec<bool> {
     let mean: Vec<f32> = ratio.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0).collect();
-    let mut dark: Vec<f32> = mean.iter().copied().filter(|v| *v < 0.8).collect();
-    if dark.is_empty() {
-        return vec![false; mean.len()];
-    }
-    dark.sort_unstable_by(f32::total_cmp);
-    let threshold = 0.5 * (1.0 + dark[dark.len() / 2]);
+    let Some(dark) = median_of(mean.iter().copied().filter(|v| *v < 0.8)) else { return vec![false; mean.len()] };
+    let threshold = 0.5 * (1.0 + dark);
     let inside: Vec<bool> = mean.iter().map(|&v| v < threshold).collect();
     keep_large_pieces(&inside, width, height)
 }

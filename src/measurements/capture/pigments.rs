@@ -1,6 +1,7 @@
 //! The table of specific absorptions and refractive indices that the option `--pigments` names.
 
 use mesophyll_base::error::{Error, Result};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::table::{InputTable, TableRecord};
 use mesophyll_optics::foliar::LARGEST_INDEX;
 use mesophyll_optics::foliar::pigments::{OpticalConstants, OpticalSpectrum};
@@ -69,9 +70,7 @@ pub fn read(path: &Path) -> Result<OpticalSpectrum> {
     if points.is_empty() {
         return Err(Error::input(path, "no rows; expected one a wavelength"));
     }
-    let mut steps: Vec<f64> = points.windows(2).map(|w| w[1].0 - w[0].0).collect();
-    steps.sort_by(f64::total_cmp);
-    let usual = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+    let usual = median_of(points.windows(2).map(|w| w[1].0 - w[0].0)).unwrap_or(0.0);
     if let Some(gap) = points.windows(2).find(|w| w[1].0 - w[0].0 > GAP * usual) {
         let found = format!("a gap from {} to {} nm", gap[0].0, gap[1].0);
         return Err(Error::unexpected(path, COLUMNS[0], found, format!("steps of {usual} nm")));

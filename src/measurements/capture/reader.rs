@@ -4,6 +4,7 @@
 use crate::calibration::FrameGain;
 use crate::manifest::{TubeManifest, frame_path, mirror_path, white_path};
 use crate::{Error, Result};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::hash;
 use mesophyll_files::image::{ChannelMaps, ExrInfo, exr_info, read_exr, read_exr_rows};
 use mesophyll_optics::side::Side;
@@ -175,12 +176,8 @@ impl TubeCapture {
     /// Median camera value of a texel whose calibrated value is 1; it is 1 where frames are already normalised.
     pub fn median_gain(&self) -> f64 {
         *self.median_gain.get_or_init(|| {
-            let mut all: Vec<f32> = self.gains.iter().flat_map(|(_, g)| g.values()).filter(|v| v.is_finite()).collect();
-            if all.is_empty() {
-                return 1.0;
-            }
-            let middle = all.len() / 2;
-            f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1)
+            let all = self.gains.iter().flat_map(|(_, g)| g.values()).filter(|v| v.is_finite());
+            median_of(all).map_or(1.0, f64::from)
         })
     }
 

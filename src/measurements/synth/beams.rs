@@ -219,10 +219,12 @@ fn through(
     let on = || sigma_a.iter().zip(thickness).filter(|(_, d)| **d > 0.0).map(|(s, _)| *s);
     let [low, high] = on().fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], s| [a.min(s), b.max(s)]);
     let varies = low > 0.0 && high > low * (1.0 + 1e-9);
-    let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / PIGMENTS as f64;
     let (middle, half) = (0.5 * (low.ln() + high.ln()), 0.5 * (high.ln() - low.ln()));
-    let nodes: Vec<f64> =
-        if varies { (0..PIGMENTS).map(|k| (middle + half * angle(k).cos()).exp()).collect() } else { vec![high] };
+    let nodes: Vec<f64> = if varies {
+        (0..PIGMENTS).map(|k| (middle + half * mesophyll_base::chebyshev::node(k, PIGMENTS)).exp()).collect()
+    } else {
+        vec![high]
+    };
     let thick =
         thickness.iter().filter(|d| **d > 0.0).fold([f64::INFINITY, 0.0], |[a, b]: [f64; 2], d| [a.min(*d), b.max(*d)]);
     let mut sum = vec![0.0; light.len()];

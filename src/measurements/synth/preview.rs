@@ -3,6 +3,7 @@
 
 use super::leaf::{SyntheticLeaf, SyntheticSide};
 use crate::Result;
+use mesophyll_base::statistics::upper_quantile;
 use mesophyll_files::image::{to_srgb8, write_png};
 use mesophyll_optics::side::Side;
 use std::path::Path;
@@ -27,8 +28,7 @@ pub fn write(capture: &Path, leaf: &SyntheticLeaf, side: Side) -> Result<()> {
     let [smooth, rough] = range(&side.m);
     let brightest = |map: &[[f32; 3]]| {
         let mut all: Vec<f32> = map.iter().zip(&mask).filter(|(_, m)| **m).map(|(v, _)| v[1]).collect();
-        all.sort_by(f32::total_cmp);
-        0.3 / all.get(all.len() * 9 / 10).copied().unwrap_or(1.0).max(1e-6)
+        0.3 / upper_quantile(&mut all, 9, 10).unwrap_or(1.0).max(1e-6)
     };
     let (bright_d, bright_t) = (brightest(&side.rho_d), brightest(&side.rho_t));
     let tiles: [&dyn Fn(usize) -> [f32; 3]; 6] = [

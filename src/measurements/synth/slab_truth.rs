@@ -157,7 +157,8 @@ pub struct SlabTruthTable {
     values: Vec<[f64; 2]>,
 }
 
-/// Chebyshev interpolation in one variable.
+/// Chebyshev interpolation in one variable. It is written apart from `base::chebyshev`, because the fits that it judges
+/// use that module.
 #[derive(Debug, Clone)]
 pub struct ChebyshevAxis {
     /// The nodes.

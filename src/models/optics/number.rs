@@ -7,20 +7,11 @@
 #![allow(clippy::suspicious_arithmetic_impl)]
 
 use mesophyll_base::fourier::Complex;
+use mesophyll_base::number::Arithmetic;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The operations that the formulas need.
-pub trait Scalar:
-    Copy
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
-    + Send
-    + Sync
-    + 'static
-{
+pub trait Scalar: Arithmetic + Send + Sync + 'static {
     /// A constant.
     fn of(x: f64) -> Self;
     /// e to the power of `self`.

@@ -5,6 +5,11 @@
 //! (2l+1)/(4π) (l−|m|)!/(l+|m|)! and P_l^m has no factor (−1)^m. Values come from recurrences of the *normalised*
 //! functions in l at fixed m (Holmes and Featherstone 2002, Eq. 11), which neither overflow nor lose digits. The sin^m
 //! θ cos mφ are the real parts of (x + iy)^m, so no angle is ever computed.
+//!
+//! Skies, the path tracer and the light transfer all take their harmonics from here. Two other places compute harmonics
+//! that differ in kind. The viewer's `dome` follows its shader, which leaves the norms to the coefficients, in the
+//! shader's own recurrence. The translucency's `basis` needs Legendre functions of an argument that is not the cosine
+//! of the direction, one function at a time.
 
 use std::f64::consts::PI;
 

@@ -7,6 +7,7 @@
 
 use super::renderer::ReferencePicture;
 use crate::{Error, Result};
+use mesophyll_base::statistics::percentile;
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8};
 
 /// The figures of a comparison. FLIP and errors are from 0 (equal) to 1.
@@ -87,12 +88,6 @@ fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bo
         interior_share: judged_leaf as f64 / leaf.max(1) as f64,
         flip,
     })
-}
-
-/// The smallest of the sorted values that at least the share `p` of the values does not exceed.
-pub fn percentile<T: Copy>(sorted: &[T], p: f64) -> Option<T> {
-    let at = (p * sorted.len() as f64).ceil() as usize;
-    sorted.get(at.saturating_sub(1)).copied()
 }
 
 /// FLIP error of each pixel between two RGBA pictures of the same size.

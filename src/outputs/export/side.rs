@@ -1,6 +1,7 @@
 //! A side of a leaf fit as it lies on disk.
 
 use crate::{Error, Result};
+use mesophyll_base::statistics::quantile;
 use mesophyll_files::image::{self, ChannelMaps};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
@@ -79,9 +80,7 @@ impl ExportSideMaps {
     pub fn range(&self, plane: &[f32]) -> (f64, f64) {
         let mut values: Vec<f32> =
             plane.iter().zip(&self.mask).filter(|(v, m)| **m > 0.5 && v.is_finite()).map(|(v, _)| *v).collect();
-        values.sort_unstable_by(f32::total_cmp);
-        let at =
-            |q: f64| values.get(((values.len().saturating_sub(1)) as f64 * q).round() as usize).copied().unwrap_or(0.0);
-        (f64::from(at(0.01)), f64::from(at(0.99)))
+        let mut at = |share: f64| quantile(&mut values, share).map_or(0.0, f64::from);
+        (at(0.01), at(0.99))
     }
 }

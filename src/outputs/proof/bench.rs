@@ -1,5 +1,6 @@
 //! A row of `mesophyll bench`: what one setting of an accuracy knob costs in time and what accuracy it gives.
 
+use mesophyll_base::statistics::median_of;
 use serde::Serialize;
 use std::time::Instant;
 
@@ -29,6 +30,5 @@ pub fn median_us<T>(budget_ms: f64, mut work: impl FnMut() -> T) -> f64 {
         std::hint::black_box(work());
         times.push(start.elapsed().as_secs_f64() * 1e6);
     }
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+    median_of(times).unwrap_or(f64::NAN)
 }

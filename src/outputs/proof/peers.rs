@@ -5,6 +5,7 @@ use crate::bench::{BenchRow, median_us};
 use crate::nist;
 use crate::slab::bench::{self as slab_bench, ProofSlab, forward_error, larger};
 use crate::{Error, Result};
+use mesophyll_base::statistics::median_of;
 use mesophyll_fits::gloss::{GlossFitDevice, GlossTexelFitter, synthetic};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab;
@@ -34,17 +35,17 @@ pub fn nist() -> Result<PeerInputs> {
 }
 
 /// Our row: the median of `errors` (NaN means refused, and counts as the largest).
-fn ours(model: &str, setting: &str, mut errors: Vec<f64>, us: f64, note: &str) -> BenchRow {
-    errors.sort_by(f64::total_cmp);
+fn ours(model: &str, setting: &str, errors: Vec<f64>, us: f64, note: &str) -> BenchRow {
     let refused = errors.iter().filter(|e| e.is_nan()).count();
     let worst = errors.iter().copied().fold(0.0, f64::max);
+    let note = format!("{} {note}, worst error {worst:.1e}, {refused} refused", errors.len());
     BenchRow {
         model: model.into(),
         knob: "peer".into(),
         setting: setting.into(),
-        error: errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN),
+        error: median_of(errors).unwrap_or(f64::NAN),
         us,
-        note: format!("{} {note}, worst error {worst:.1e}, {refused} refused", errors.len()),
+        note,
     }
 }
 

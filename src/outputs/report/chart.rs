@@ -1,5 +1,9 @@
 //! Charts as inline SVG without a script. Colours come from the page's CSS (`c0` … `c5`, `axis`, `grid`), so light and
 //! dark both work.
+//!
+//! Charts that are files of their own (spectra, and those of benchmarks) are drawn with the crate plotters. It writes
+//! every colour and font into the picture, which a file without a style sheet needs, and which a page with a dark mode
+//! cannot use. It has no classes, so it cannot draw these charts.
 
 use crate::colour::{self, ColourScale};
 use crate::number::{plain, significant, superscript};

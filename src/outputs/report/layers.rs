@@ -7,6 +7,7 @@ use super::quantity::channel_word;
 use super::spectrum::{self, SpectrumLine, SpectrumPanel};
 use crate::reader::sides;
 use crate::{Error, Result};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use std::path::{Path, PathBuf};
@@ -50,9 +51,7 @@ fn panel(side: &ReportSideMaps, c: usize, whole: bool) -> Option<SpectrumPanel> 
     let (fit, truth) = (of(maps[0])?, of(maps[1])?);
     let pairs = fit.iter().zip(&truth).zip(&side.good).filter(|((s, a), good)| **good && s.is_finite() && **a > 0.0);
     let pairs: Vec<[f64; 2]> = pairs.map(|((s, a), _)| [*a, *s]).collect();
-    let mut ratios: Vec<f64> = pairs.iter().map(|[a, s]| s / a).collect();
-    ratios.sort_unstable_by(f64::total_cmp);
-    let ratio = *ratios.get(ratios.len() / 2)?;
+    let ratio = median_of(pairs.iter().map(|[a, s]| s / a))?;
     let [low, high] = pairs.iter().fold([f64::INFINITY, 0.0], |[l, h], p| [p[0].min(l), p[0].max(h)]);
     let step = pairs.len().div_ceil(SHOWN);
     let dots = pairs.iter().step_by(step).map(|[a, s]| [*a, *s, f64::NAN]).collect();

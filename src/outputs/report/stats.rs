@@ -2,7 +2,9 @@
 
 use serde::Serialize;
 
-/// Quantile `q` ∈ [0, 1] of sorted values, linear between neighbours; NaN when empty.
+/// Quantile `q` ∈ [0, 1] of sorted values, linear between neighbours; NaN when empty. The quantiles of
+/// [`mesophyll_base::statistics`] are values of the list; a report's are read beside a histogram, whose axis is
+/// continuous.
 pub fn quantile(sorted: &[f32], q: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let at = q.clamp(0.0, 1.0) * last as f64;

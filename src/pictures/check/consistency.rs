@@ -7,6 +7,7 @@
 //! in the median.
 
 use mesophyll_base::error::Result;
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::{Quantity, RGB};
@@ -97,9 +98,7 @@ fn interior(fitted: &LeafFit, side: Side, maps: &ChannelMaps, good: &[usize]) ->
         if stray > STRAY {
             out.push(format!("rho_d.{letter} is not gamma times the slab's at {:.1} % of the texels", 100.0 * stray));
         }
-        let mut through: Vec<f64> = ratios.iter().map(|r| r.1).collect();
-        through.sort_by(f64::total_cmp);
-        let median = through[through.len() / 2];
+        let median = median_of(ratios.iter().map(|r| r.1)).unwrap_or(f64::NAN);
         if off(median, 1.0, TRANSMITTANCE) {
             out.push(format!(
                 "the slab of fit.toml lets {median:.2} times the light of rho_t.{letter} through, in the median"

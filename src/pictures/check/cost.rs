@@ -3,6 +3,7 @@
 
 use crate::told;
 use mesophyll_base::error::Result;
+use mesophyll_base::statistics::median_of;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
 use mesophyll_scene::verdict::{AdapterUpload, CheckVerdict, FrameCost, TranslucencyCost, ViewFigures, exceeds};
@@ -21,7 +22,7 @@ pub fn of(view: &SceneView, timing: &gpu::FrameTiming, renderer: &gpu::Renderer)
         frame_ms_median: timing.quantile(0.5).unwrap_or(f64::NAN),
         frame_ms_p95: timing.quantile(0.95).unwrap_or(f64::NAN),
         triangles: renderer.stats().triangles,
-        pass_ms: timing.passes.iter().map(|(n, t)| (n.clone(), median(t))).collect(),
+        pass_ms: timing.passes.iter().map(|(n, t)| (n.clone(), middle(t))).collect(),
     };
     let mut out = ViewFigures {
         name: view.name.clone(),
@@ -95,13 +96,11 @@ pub fn term(
     for &k in &own {
         renderer.set_material(scene, k).map_err(told)?;
     }
-    [cost.main_ms, cost.main_ms_without] = times.map(|t| Some(median(&t)));
+    [cost.main_ms, cost.main_ms_without] = times.map(|t| Some(middle(&t)));
     Ok(Some(cost))
 }
 
-/// The median; 0 for an empty list.
-pub fn median(list: &[f64]) -> f64 {
-    let mut sorted = list.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+/// The median; 0 of nothing.
+fn middle(list: &[f64]) -> f64 {
+    median_of(list.iter().copied()).unwrap_or(0.0)
 }

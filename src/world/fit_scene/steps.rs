@@ -17,6 +17,7 @@ use crate::unknowns::{SceneUnknowns, UnknownKind};
 use crate::{Options, Result};
 use mesophyll_base::solvers::decomposition::symmetric_eigen;
 use mesophyll_base::solvers::{Termination, TraceRow};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_transport::path::slopes::{DerivativePicture, RadianceParameter};
 use nalgebra::{DMatrix, DVector};
@@ -199,9 +200,9 @@ fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: 
     let compared = compared(numbers, shots, is_fitted, &a, [&one, &two], rounds);
     let fitted = || compared.iter().filter(|c| c.of == PixelUse::Fitted);
     let (chi2, count) = (fitted().map(|c| c.residual * c.residual).sum(), fitted().count());
-    let own = median(fitted().map(|c| c.own).collect()).unwrap_or(0.0);
+    let own = median_of(fitted().map(|c| c.own)).unwrap_or(0.0);
     // The median over that of a normal distribution.
-    let typical = median(compared.iter().map(|c| c.residual.abs()).collect()).unwrap_or(0.0) / 0.674_5;
+    let typical = median_of(compared.iter().map(|c| c.residual.abs())).unwrap_or(0.0) / 0.674_5;
     let limit = TYPICAL * typical.max(1.0);
     let (mut matrix, mut gradient): (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(n, n), DVector::zeros(n));
     let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
@@ -234,11 +235,6 @@ fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: 
         }
     }
     Ok(Normal { matrix, gradient, chi2, count, own, compared, slopes: by })
-}
-
-fn median(mut all: Vec<f64>) -> Option<f64> {
-    let middle = all.len() / 2;
-    (!all.is_empty()).then(|| *all.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// The readings of the shots that `wanted` chooses, compared with `shown`. Two pictures of half as many paths give the

@@ -2,6 +2,7 @@
 
 use super::ViewerUi;
 use egui::{Color32, RichText, Sense, Stroke, StrokeKind};
+use mesophyll_viewer::FrameTiming;
 
 /// Number of frames that the graph shows.
 pub(crate) const FRAMES: usize = 120;
@@ -26,10 +27,8 @@ impl ViewerUi {
 
     pub(super) fn frame_times(&mut self, ui: &mut egui::Ui) {
         ui.heading("Frame times");
-        let mut sorted: Vec<f64> = self.times.iter().copied().collect();
-        sorted.sort_by(f64::total_cmp);
-        let at = |q: f64| sorted.get(((q * sorted.len() as f64).ceil() as usize).saturating_sub(1)).copied();
-        match (at(0.5), at(0.95)) {
+        let timing = FrameTiming { frame_ms: self.times.iter().copied().collect(), ..FrameTiming::default() };
+        match (timing.quantile(0.5), timing.quantile(0.95)) {
             (Some(median), Some(p95)) => ui.label(format!("median {median:.1} ms, 95 % below {p95:.1} ms")),
             _ => ui.label("none yet"),
         };
@@ -44,7 +43,7 @@ impl ViewerUi {
             Stroke::new(1.0, visuals.widgets.noninteractive.bg_stroke.color),
             StrokeKind::Inside,
         );
-        let highest = sorted.last().copied().unwrap_or(1.0).max(1.0) * 1.1;
+        let highest = timing.quantile(1.0).unwrap_or(1.0).max(1.0) * 1.1;
         let point = |i: usize, ms: f64| {
             let x = rect.right() - (self.times.len() - 1 - i) as f32 * rect.width() / (FRAMES - 1) as f32;
             egui::pos2(x, rect.bottom() - (ms / highest) as f32 * rect.height())

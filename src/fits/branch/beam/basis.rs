@@ -2,10 +2,11 @@
 //! a coordinate that follows the taper. The four are smooth functions of the taper, so that a tree needs no fit for
 //! each branch.
 
+use mesophyll_base::chebyshev;
 use mesophyll_base::solvers::{Fit, ResidualNoise, linear_algebra};
 use mesophyll_plants::mechanics::beam;
 use mesophyll_plants::mechanics::taper::{
-    self, TERMS, TaperSeries, TaperShape, chebyshev, coordinate, position, scaled, unscaled,
+    self, TERMS, TaperSeries, TaperShape, coordinate, position, scaled, unscaled,
 };
 use nalgebra::DMatrix;
 use std::sync::LazyLock;
@@ -67,7 +68,7 @@ pub fn of_branches(variable: PolynomialVariable, terms: usize) -> f64 {
             let shape = TaperShape::new(alpha, [0.0; TERMS]);
             let functions = |x: f64| -> Vec<f64> {
                 let v = if variable == PolynomialVariable::Place { x } else { coordinate(&shape, x) };
-                chebyshev(2.0 * v - 1.0, terms).iter().map(|t| v * v * t).collect()
+                chebyshev::values(2.0 * v - 1.0, terms).iter().map(|t| v * v * t).collect()
             };
             let places: Vec<f64> = nodes(64)
                 .map(|t| if variable == PolynomialVariable::Place { t } else { position(&shape, t).min(1.0) })
@@ -84,7 +85,7 @@ pub fn of_branches(variable: PolynomialVariable, terms: usize) -> f64 {
 
 /// Chebyshev nodes on (0, 1).
 fn nodes(n: usize) -> impl Iterator<Item = f64> {
-    (0..n).map(move |k| 0.5 - 0.5 * (std::f64::consts::PI * (k as f64 + 0.5) / n as f64).cos())
+    (0..n).map(move |k| 0.5 - 0.5 * chebyshev::node(k, n))
 }
 
 /// Coefficients of all tapers at once.
@@ -99,7 +100,7 @@ pub struct TaperPolynomials {
 impl TaperPolynomials {
     /// Coefficients of one branch.
     pub fn coefficients(&self, alpha: f64) -> Vec<f64> {
-        let t = chebyshev(scaled(alpha), self.series.first().map_or(0, Vec::len));
+        let t = chebyshev::values(scaled(alpha), self.series.first().map_or(0, Vec::len));
         self.series.iter().map(|row| row.iter().zip(&t).map(|(c, t)| c * t).sum()).collect()
     }
 
@@ -134,7 +135,7 @@ pub fn smooth_fit(terms: usize, degree: usize) -> TaperPolynomials {
         let s = 2.0 * s - 1.0;
         let alpha = unscaled(s);
         let shape = TaperShape::new(alpha, [0.0; TERMS]);
-        let (t, tip) = (chebyshev(s, width), beam::deflection(alpha, 1.0));
+        let (t, tip) = (chebyshev::values(s, width), beam::deflection(alpha, 1.0));
         for y in nodes(GRID) {
             let row = (0..terms * width).map(|k| y.powi((k / width) as i32 + 2) * t[k % width] / tip).collect();
             rows.push((row, beam::deflection(alpha, position(&shape, y).min(1.0)) / tip));

@@ -1,6 +1,7 @@
 //! Readings that are none: those of an instrument that hangs, copies, and wild ones.
 
 use super::{MotionRecord, spikes};
+use mesophyll_base::statistics::median_of;
 
 /// A record without readings that are none.
 #[derive(Debug, Clone)]
@@ -132,11 +133,6 @@ pub fn resolution(readings: &[f64], size: f64) -> f64 {
     if 2 * sorted.len() < there.len() && fits(least, sorted[0], 0.05) { least } else { 0.0 }
 }
 
-fn median(mut all: Vec<f64>) -> f64 {
-    let middle = all.len() / 2;
-    if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 }
-}
-
 /// Ranges of readings that repeat the one before, where the readings around them differ.
 fn hangs(readings: &[f64], resolution: f64) -> Vec<std::ops::Range<usize>> {
     let mut out = Vec::new();
@@ -150,7 +146,7 @@ fn hangs(readings: &[f64], resolution: f64) -> Vec<std::ops::Range<usize>> {
             let around = start.saturating_sub(2 * length)..(k + 2 * length).min(readings.len());
             let apart = |j: usize| (readings[j + 1] - readings[j]).abs();
             let outside = (around.start..around.end - 1).filter(|j| !(start..k - 1).contains(j));
-            let typical = median(outside.map(apart).filter(|d| !d.is_nan()).collect());
+            let typical = median_of(outside.map(apart).filter(|d| !d.is_nan())).unwrap_or(0.0);
             if typical > MOVES * resolution {
                 out.push(start + 1..k);
             }
@@ -196,7 +192,7 @@ fn copies(readings: &[f64], resolution: f64) -> Option<String> {
             // Halves of a step are rounded to either side.
             let none = (order as f64 - 1.0) * 1.01 * resolution + 1e-12 * size;
             let (same, other): (Vec<f64>, Vec<f64>) = differences.iter().partition(|d| **d <= none);
-            let moved = median(other) > 2.0 * MOVES * resolution.max(1e-12 * size);
+            let moved = median_of(other).unwrap_or(0.0) > 2.0 * MOVES * resolution.max(1e-12 * size);
             if moved { same.len() as f64 / differences.len() as f64 } else { 0.0 }
         };
         (0..4).map(|k| part(&readings[k * quarter..(k + 1) * quarter])).fold(1.0, f64::min)

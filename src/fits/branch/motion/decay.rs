@@ -12,6 +12,7 @@ use super::{FEWEST, MotionPrior};
 use mesophyll_base::fourier::Complex;
 use mesophyll_base::solvers::adequacy::{self, Adequacy, ReadingOrder, SolutionResiduals};
 use mesophyll_base::solvers::{ClosureProblem, Options, ResidualNoise, lm};
+use mesophyll_base::statistics::{NORMAL_SCATTER, median_of};
 use std::f64::consts::{PI, TAU};
 
 /// Damping times length of the record, in units of 2, at which fits begin.
@@ -25,8 +26,6 @@ const PULLED: f64 = 0.9;
 const WILD: f64 = 7.0;
 /// ... also among this many on each side.
 const AROUND: usize = 5;
-/// Standard deviation of a normal distribution over its median absolute value.
-const NORMAL: f64 = 1.4826;
 /// How often wild readings are taken out, and the most that are, as a share.
 const ROUNDS: usize = 5;
 const MANY: f64 = 0.02;
@@ -204,17 +203,13 @@ fn oscillation(
 
 /// Residuals that are far larger than all, and than those around them.
 fn wildest(residuals: &[f64], resolution: f64) -> Vec<usize> {
-    let median = |mut all: Vec<f64>| {
-        let middle = all.len() / 2;
-        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    let middle = |range: std::ops::Range<usize>| {
+        median_of(residuals[range].iter().filter(|r| !r.is_nan()).map(|r| r.abs())).unwrap_or(0.0)
     };
-    let there = |range: std::ops::Range<usize>| -> Vec<f64> {
-        residuals[range].iter().filter(|r| !r.is_nan()).map(|r| r.abs()).collect()
-    };
-    let usual = (NORMAL * median(there(0..residuals.len()))).max(resolution);
+    let usual = (NORMAL_SCATTER * middle(0..residuals.len())).max(resolution);
     let wild = |k: &usize| {
-        let around = there(k.saturating_sub(AROUND)..(k + AROUND + 1).min(residuals.len()));
-        residuals[*k].abs() > WILD * usual.max(NORMAL * median(around))
+        let around = middle(k.saturating_sub(AROUND)..(k + AROUND + 1).min(residuals.len()));
+        residuals[*k].abs() > WILD * usual.max(NORMAL_SCATTER * around)
     };
     (0..residuals.len()).filter(wild).collect()
 }

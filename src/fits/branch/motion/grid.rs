@@ -1,5 +1,7 @@
 //! Even times behind times as they are written: rounded, with readings dropped, or only roughly even.
 
+use mesophyll_base::statistics::median_of;
+
 /// Where readings stand on a grid of even times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimeGrid {
@@ -38,11 +40,8 @@ pub fn find(times: &[f64], resolution: f64, step: Option<f64>) -> Result<TimeGri
         return Ok(place(times, resolution, step));
     }
     let n = times.len();
-    let median = |span: usize| {
-        let mut all: Vec<f64> = times.windows(span + 1).map(|w| (w[span] - w[0]) / span as f64).collect();
-        let middle = all.len() / 2;
-        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    };
+    let median =
+        |span: usize| median_of(times.windows(span + 1).map(|w| (w[span] - w[0]) / span as f64)).unwrap_or(0.0);
     let usual = median(1);
     let refined = |step: f64, resolution: f64| {
         let mut grid = place(times, resolution, step);

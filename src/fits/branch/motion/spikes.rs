@@ -6,6 +6,8 @@
 //! Σ_i a_i². This sees far smaller errors than the readings' own spread, because a swaying branch is smooth. Gaps are
 //! filled by their expectation first.
 
+use mesophyll_base::statistics::{NORMAL_SCATTER, median_of};
+
 /// A reading this many standard deviations off is wild. One that is not found changes the power density by at most the
 /// square of this over the number of readings, of the place where it is least.
 const WILD: f64 = 7.0;
@@ -19,8 +21,6 @@ const ROUNDED: f64 = 3.0;
 const ROUNDS: usize = 30;
 /// Steps of the solver that fills gaps.
 const STEPS: usize = 60;
-/// Standard deviation of a normal distribution over its median absolute value.
-const NORMAL: f64 = 1.4826;
 
 /// Replaces wild readings by gaps (NaN) and returns their places. `resolution` is the step in which readings are
 /// written.
@@ -50,16 +50,12 @@ fn wildest(readings: &[f64], resolution: f64) -> Vec<usize> {
     let mean = observed.iter().map(|k| readings[*k]).sum::<f64>() / observed.len() as f64;
     let (scores, off) = scores(readings, mean, &burg(readings, mean));
     let size = |k: usize| scores[k].abs();
-    let median = |mut all: Vec<f64>| {
-        let middle = all.len() / 2;
-        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    };
-    let everywhere = median(observed.iter().map(|k| size(*k)).collect());
-    let large = |k: usize, usual: f64| size(k) > WILD * NORMAL * usual && off[k].abs() > ROUNDED * resolution;
+    let everywhere = median_of(observed.iter().map(|k| size(*k))).unwrap_or(0.0);
+    let large = |k: usize, usual: f64| size(k) > WILD * NORMAL_SCATTER * usual && off[k].abs() > ROUNDED * resolution;
     let suspects: Vec<usize> = observed.iter().copied().filter(|k| large(*k, everywhere)).collect();
     let local = |k: usize| {
         let range = k.saturating_sub(AROUND)..(k + AROUND + 1).min(readings.len());
-        median(range.filter(|j| !readings[*j].is_nan()).map(size).collect()).max(everywhere)
+        median_of(range.filter(|j| !readings[*j].is_nan()).map(size)).unwrap_or(0.0).max(everywhere)
     };
     let wild = |k: &usize| {
         let around = k.saturating_sub(ORDER)..(k + ORDER + 1).min(readings.len());

@@ -94,8 +94,7 @@ fn judged(lobe: Lobe, noise: f64, ms: [f64; 2], tilt: f64, count: usize, seed: u
             ratios.extend(z.map(|v| v.abs() / 0.6745));
         }
     }
-    ratios.sort_by(f64::total_cmp);
-    let (ratio, us) = (ratios[ratios.len() / 2], time.as_secs_f64() * 1e6 / count as f64);
+    let (ratio, us) = (mesophyll_base::statistics::median_of(ratios).unwrap(), time.as_secs_f64() * 1e6 / count as f64);
     println!(
         "{lobe:?}, noise {noise}: {failed} failures of {count}, median error {ratio:.3} of the bound's, {us:.1} us"
     );

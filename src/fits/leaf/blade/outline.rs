@@ -1,16 +1,16 @@
 //! The outline of the leaf: the contour of half coverage, traced between texels (marching squares) and simplified
 //! (Douglas–Peucker).
 
+use mesophyll_base::statistics::median_of;
+
 /// Share of each texel that the leaf covers. It comes from the light box where that shows partly covered texels,
 /// otherwise from the mask. It is smoothed a little, so that the contour of one half runs between texels instead of
 /// along their edges.
 pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, width: usize, height: usize) -> Vec<f64> {
     let mean = |t: &[f32; 3]| f64::from(t[0] + t[1] + t[2]) / 3.0;
     let leaf_level = ratio.map_or(0.0, |r| {
-        let mut inside: Vec<f64> =
-            r.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| mean(t)).filter(|v| v.is_finite()).collect();
-        inside.sort_unstable_by(f64::total_cmp);
-        inside.get(inside.len() / 2).copied().unwrap_or(0.0)
+        let inside = r.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| mean(t)).filter(|v| v.is_finite());
+        median_of(inside).unwrap_or(0.0)
     });
     let raw: Vec<f64> = (0..mask.len())
         .map(|k| match ratio {

@@ -1,6 +1,7 @@
 //! How far texels move when they are fitted again under another cause.
 
 use crate::leaf::held_out::TexelParameters;
+use mesophyll_base::statistics::{NORMAL_SCATTER, median_of};
 
 /// How far a quantity of the texels is from what it is under the right cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -17,9 +18,9 @@ pub struct TrialBias {
 
 pub(super) fn bias(before: &[TexelParameters], after: &[TexelParameters]) -> TrialBias {
     let rms = |difference: &dyn Fn(&TexelParameters, &TexelParameters) -> f64| {
-        let all: Vec<f64> = before.iter().zip(after).map(|(a, b)| difference(a, b)).filter(|v| v.is_finite()).collect();
+        let all = before.iter().zip(after).map(|(a, b)| difference(a, b)).filter(|v| v.is_finite());
         // The median keeps a texel without gloss from deciding.
-        1.4826 * crate::leaf::outliers::median(all.iter().map(|v| v.abs()).collect())
+        NORMAL_SCATTER * median_of(all.map(f64::abs)).unwrap_or(f64::NAN)
     };
     let relative = |a: [f64; 3], b: [f64; 3]| {
         let (x, y): (f64, f64) = (a.iter().sum(), b.iter().sum());

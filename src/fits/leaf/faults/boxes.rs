@@ -4,8 +4,8 @@ use super::transmittance::{THROUGH, TransmittanceView, against_frames, energy, f
 use crate::Result;
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::CameraNoise;
-use crate::leaf::outliers::median;
 use crate::record::fault::{FaultGrade, MeasurementFault};
+use mesophyll_base::statistics::median_of;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::image::read_exr_rows;
 use std::collections::HashSet;
@@ -104,7 +104,7 @@ fn beside(fitted: &LeafSideFit, width: usize, level: &CameraNoise) -> Option<Mea
         return None;
     }
     let error = level.relative * level.lightbox * 2.0 / (ratios.len() as f64).sqrt();
-    let ratio = median(ratios);
+    let ratio = median_of(ratios).unwrap_or(f64::NAN);
     // Paper or cloth may cover the box beside the leaf; then nothing can be said.
     if !(0.5..2.0).contains(&ratio) || (ratio - 1.0).abs() <= LIGHT.max(6.0 * error) {
         return None;

@@ -6,8 +6,8 @@
 //! side, in units of how far the other frames do.
 
 use super::sample::{PassReadings, TexelSample};
-use crate::leaf::outliers::median;
 use crate::record::fault::{FaultGrade, MeasurementFault};
+use mesophyll_base::statistics::{NORMAL_SCATTER, median_of};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 use std::collections::HashSet;
@@ -149,13 +149,13 @@ impl Sums {
 fn around(values: &[f64], k: usize, but: &[usize]) -> f64 {
     let near = k.saturating_sub(AROUND)..(k + AROUND + 1).min(values.len());
     let others = near.filter(|j| *j != k && !but.contains(j)).map(|j| values[j]).filter(|v| v.is_finite());
-    median(others.collect())
+    median_of(others).unwrap_or(f64::NAN)
 }
 
 /// Scatter of the frames about the medians around them (as a normal distribution's standard deviation).
 fn scatter(values: &[f64], but: &[usize]) -> f64 {
     let away = (0..values.len()).filter(|k| !but.contains(k)).map(|k| (values[k] - around(values, k, but)).abs());
-    1.4826 * median(away.filter(|v| v.is_finite()).collect())
+    NORMAL_SCATTER * median_of(away.filter(|v| v.is_finite())).unwrap_or(f64::NAN)
 }
 
 /// Frames that hold the same picture as an earlier one. The camera's values are compared, because every frame has a

@@ -22,9 +22,9 @@ pub use bias::TrialBias;
 use crate::Result;
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::CameraNoise;
-use crate::leaf::outliers::median;
 use crate::record::fault::{FaultGrade, MeasurementFault};
 use crate::record::scan::ScanRecord;
+use mesophyll_base::statistics::{NORMAL_MEDIAN, median_of};
 use mesophyll_capture::inspection::{TubeInspection, mirror};
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::tube::Travel;
@@ -197,5 +197,6 @@ fn noise(sample: &TexelSample) -> Option<f64> {
             }
         }
     }
-    (differences.len() >= 1000).then(|| median(differences) / 0.674_489_75 / std::f64::consts::SQRT_2)
+    let enough = differences.len() >= 1000;
+    median_of(differences).filter(|_| enough).map(|m| m / NORMAL_MEDIAN / std::f64::consts::SQRT_2)
 }

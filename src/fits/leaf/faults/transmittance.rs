@@ -2,9 +2,9 @@
 //! the mirror image of that from the front. Scans, domes and photographs are judged alike.
 
 use crate::leaf::interior::LeafSideFit;
-use crate::leaf::outliers::median;
 use crate::record::RecordSection;
 use crate::record::fault::{FaultGrade, MeasurementFault};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::defect::Defect;
 
@@ -291,7 +291,7 @@ pub fn turned(
             ),
         ));
     }
-    let apart = median(pair.a.iter().zip(&pair.b).map(|(a, b)| a - b).filter(|v| v.is_finite()).collect());
+    let apart = median_of(pair.a.iter().zip(&pair.b).map(|(a, b)| a - b).filter(|v| v.is_finite())).unwrap_or(f64::NAN);
     (apart.abs() > SIDES).then(|| {
         fault(
             "sides-transmit",

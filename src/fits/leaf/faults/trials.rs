@@ -9,6 +9,7 @@ use super::refit::{FrameReadings, PARAMETERS, PassHypothesis, descend};
 use super::sample::{PassReadings, TexelSample};
 use crate::leaf::held_out::{FramePredictor, PredictionScratch, TexelParameters};
 use crate::record::scan::ScanRecord;
+use mesophyll_base::statistics::upper_quantile;
 use mesophyll_capture::calibration::white_response;
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::Travel;
@@ -198,9 +199,7 @@ impl<'a> FaultTrials<'a> {
     /// A bright reading, calibrated.
     fn bright(&self) -> f32 {
         let all = self.sample.passes.iter().flat_map(|p| &p.measured).flatten().copied();
-        let mut all: Vec<f32> = all.filter(|v| v.is_finite()).collect();
-        let at = all.len() * 9 / 10;
-        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(at, f32::total_cmp).1 }
+        upper_quantile(&mut all.filter(|v| v.is_finite()).collect::<Vec<_>>(), 9, 10).unwrap_or(0.0)
     }
 
     /// The best member of a family around the best point of its grid.

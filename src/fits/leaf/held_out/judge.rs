@@ -9,7 +9,7 @@ use crate::Result;
 use crate::leaf::curve::{Incidence, ThicknessCurve};
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::{self, CameraNoise};
-use crate::leaf::outliers;
+use mesophyll_base::statistics::median_of;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::RGB;
@@ -224,7 +224,7 @@ fn nearest_the_peak(scan: &ScanRecord, travel: Travel, positions: &[f64]) -> Vec
 /// One floor is used for the whole side: that of the median texel.
 fn light_box(capture: &TubeCapture, fitted: &LeafSideFit, relative: f64) -> Option<LightBoxResiduals> {
     let m = &capture.manifest;
-    let floor = [0, 1, 2].map(|c: usize| outliers::median(fitted.texels.iter().map(|x| x.rho_t_floor[c]).collect()));
+    let floor = [0, 1, 2].map(|c: usize| median_of(fitted.texels.iter().map(|x| x.rho_t_floor[c])).unwrap_or(f64::NAN));
     let incidence = m.lightbox.camera_deg.to_radians().cos();
     let thickness: BTreeMap<usize, f64> =
         fitted.at.iter().zip(&fitted.thickness).map(|(k, t)| (*k as usize, *t)).collect();

@@ -13,6 +13,7 @@
 use super::picture::PanoramaPixel;
 use super::projection::PanoramaProjection;
 use super::start::angle;
+use mesophyll_base::statistics::median_of;
 
 /// A disk that was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,7 +101,7 @@ pub fn find(
     }
     let brightest = |p: &PanoramaPixel| p.value.into_iter().fold(0.0, f64::max);
     let Ok(disk) = find_in(seen, level, &brightest, projection, shape) else { return first };
-    let middle = super::picture::median(&mut seen.iter().map(darker).collect::<Vec<_>>());
+    let middle = median_of(seen.iter().map(darker)).unwrap_or(f64::NAN);
     let reach = GLOW.0.max(3.0 * projection.pixel(shape[0], shape[1]));
     let near: Vec<f64> = seen.iter().filter(|p| angle(p.d, disk.direction) <= reach).map(darker).collect();
     let glow = near.iter().sum::<f64>() / near.len().max(1) as f64;
@@ -118,7 +119,7 @@ fn find_in(
 ) -> Result<PanoramaDisk, &'static str> {
     let [w, h] = shape;
     let area = |p: &PanoramaPixel| projection.solid_angle(w, h, p.at % w, p.at / w);
-    let middle = super::picture::median(&mut seen.iter().map(light).collect::<Vec<_>>());
+    let middle = median_of(seen.iter().map(light)).unwrap_or(f64::NAN);
     let peak = seen.iter().map(light).fold(0.0, f64::max);
     let clipped = peak >= level;
     let kind = if clipped { CLIPPED } else { SHOWN };
@@ -157,7 +158,7 @@ fn find_in(
     }
     let reach = (3.0 * radius).max(3.0 * pixel).max(0.05);
     let near = |p: &&PanoramaPixel| (reach..reach + 0.09).contains(&angle(p.d, d));
-    let around = super::picture::median(&mut seen.iter().filter(near).map(light).collect::<Vec<_>>());
+    let around = median_of(seen.iter().filter(near).map(light)).unwrap_or(f64::NAN);
     if !clipped && around * EDGE > peak {
         return Err("the brightest place is a glow without an edge");
     }

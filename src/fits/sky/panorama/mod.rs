@@ -28,10 +28,11 @@ mod tests;
 use descent::{DescentRound, SunChart, descend, modelled};
 use disk::PanoramaDisk;
 use mesophyll_base::solvers::{Fit, ResidualNoise, Termination, Trace};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::table::Status;
 use mesophyll_sky::sun_direction;
 use outcome::finished;
-use picture::{CLIPPED, PanoramaPixel, PanoramaReadings, median};
+use picture::{CLIPPED, PanoramaPixel, PanoramaReadings};
 use start::{PanoramaGuess, angle, turned};
 
 /// A number and its standard error.
@@ -189,7 +190,7 @@ fn fit_with(picture: &PanoramaReadings, noise: Option<f64>, disk: Option<Panoram
     let channels = picture.channels;
     let step = picture.pixels.len().div_ceil(MOST_PIXELS).max(1);
     let pixels: Vec<PanoramaPixel> = picture.pixels.iter().copied().step_by(step).collect();
-    let floor = 0.02 * median(&mut pixels.iter().flat_map(|p| p.value[..channels].to_vec()).collect::<Vec<_>>());
+    let floor = 0.02 * median_of(pixels.iter().flat_map(|p| p.value[..channels].to_vec())).unwrap_or(f64::NAN);
     let starts =
         disk.map_or_else(|| start::find(picture, level), |disk| start::held(picture, disk.zenith(), disk.azimuth()));
     let Some(first) = starts.guesses.first().copied() else {
@@ -212,7 +213,8 @@ fn fit_with(picture: &PanoramaReadings, noise: Option<f64>, disk: Option<Panoram
     // The median of the largest of this many absolute normal deviates.
     let typical = if channels == 3 { 1.2568 } else { 0.6745 };
     let choose = |z: &[f64]| -> Vec<bool> {
-        let spread = (median(&mut z.to_vec()) / typical).max(if from == NoiseSource::Residuals { 1e-3 } else { 1.0 });
+        let spread = (median_of(z.iter().copied()).unwrap_or(f64::NAN) / typical)
+            .max(if from == NoiseSource::Residuals { 1e-3 } else { 1.0 });
         z.iter().map(|z| *z <= CUT * spread).collect()
     };
     let chart = SunChart::at(guess.zenith, guess.azimuth);

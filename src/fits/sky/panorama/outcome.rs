@@ -4,10 +4,11 @@
 
 use super::descent::{DescentRound, OVERHEAD, SunChart};
 use super::disk::PanoramaDisk;
-use super::picture::{self, OUTLIER, PanoramaPixel, PanoramaReadings, median};
+use super::picture::{self, OUTLIER, PanoramaPixel, PanoramaReadings};
 use super::{ANGLE_KNOWN, NAMES, NoiseSource, PanoramaEstimate, PanoramaFit, SunSource, start};
 use mesophyll_base::solvers::adequacy::{self, Adequacy, ReadingOrder};
 use mesophyll_base::solvers::{Fit, ResidualNoise};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::table::Status;
 use mesophyll_sky::preetham;
 use std::collections::BTreeMap;
@@ -110,7 +111,7 @@ pub fn finished(
     for p in &picture.pixels {
         fate[p.at] = picture::HIDDEN;
     }
-    let floor = 0.02 * median(&mut pixels.iter().flat_map(|p| p.value[..channels].to_vec()).collect::<Vec<_>>());
+    let floor = 0.02 * median_of(pixels.iter().flat_map(|p| p.value[..channels].to_vec())).unwrap_or(f64::NAN);
     for (k, at) in sampled.iter().enumerate() {
         fate[*at] = if kept[k] { picture::USED } else { OUTLIER };
         let mut chi2 = 0.0;

@@ -3,6 +3,7 @@
 use super::disk::{self, PanoramaDisk};
 use super::projection::PanoramaProjection;
 use crate::sky::{Error, Result};
+use mesophyll_base::statistics::{NORMAL_SCATTER, median};
 use mesophyll_files::image::ChannelMaps;
 use std::path::Path;
 
@@ -217,14 +218,5 @@ fn scatter(pixels: &[PanoramaPixel], width: usize, channels: usize) -> Option<f6
             }
         }
     }
-    (all.len() >= TRIPLES).then(|| (1.4826 * median(&mut all)).max(1e-6))
-}
-
-/// The median; NaN of nothing.
-pub fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    (all.len() >= TRIPLES).then(|| (NORMAL_SCATTER * median(&mut all).unwrap_or(f64::NAN)).max(1e-6))
 }

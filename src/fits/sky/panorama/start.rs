@@ -2,8 +2,9 @@
 //! which clouds and trees do not move. Then robust descents start from the best few.
 
 use super::descent::{SunChart, modelled};
-use super::picture::{PanoramaPixel, PanoramaReadings, median};
+use super::picture::{PanoramaPixel, PanoramaReadings};
 use mesophyll_base::solvers::{ClosureProblem, Options, Termination, Trace, lm};
+use mesophyll_base::statistics::median;
 use mesophyll_sky::preetham::{PreethamTurbidity, xyz_from_separable};
 use mesophyll_sky::{colour, sun_direction};
 use std::f64::consts::TAU;
@@ -96,10 +97,10 @@ fn scored(picture: &PanoramaReadings, suns: &[(f64, f64)]) -> Vec<PanoramaGuess>
                     ratios.push(ratio);
                 }
             }
-            let middle = median(&mut ratios);
+            let middle = median(&mut ratios).unwrap_or(f64::NAN);
             spread.clear();
             spread.extend(ratios.iter().map(|r| (r - middle).abs()));
-            let cost = median(&mut spread);
+            let cost = median(&mut spread).unwrap_or(f64::NAN);
             if cost.is_finite() && best.is_none_or(|b| cost < b.cost) {
                 best = Some(PanoramaGuess { zenith, azimuth, turbidity: turbid.turbidity, scale: middle.exp(), cost });
             }

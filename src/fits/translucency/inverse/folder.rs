@@ -5,6 +5,7 @@ use super::comparison::{SlabDifference, SlabReference, explain};
 use super::run::{Options, TissueFitTruth};
 use super::{BeamIncidence, TissueCoefficients, TissueFit, TissueMeasurement};
 use crate::record::{FitParameter, FitRecord, FitTimes, RecordSection, TruthError};
+use mesophyll_base::statistics::quantile;
 use mesophyll_optics::translucency::convolution::TotalsSource;
 
 /// Writes the result into the record.
@@ -133,11 +134,10 @@ fn section(
             let mut off: Vec<f64> = found.iter().zip(want).map(|(a, b)| (a / b - 1.0).abs()).collect();
             let inside =
                 found.iter().zip(want).zip(stderr).filter(|((a, b), e)| (*a / *b).ln().abs() <= 1.96 * **e).count();
-            off.sort_unstable_by(f64::total_cmp);
             let coverage95 = Some(inside as f64 / found.len() as f64);
             TruthError {
-                median_relative: off[off.len() / 2],
-                p99_relative: off[off.len() - 1],
+                median_relative: quantile(&mut off, 0.5).unwrap_or(f64::NAN),
+                p99_relative: quantile(&mut off, 1.0).unwrap_or(f64::NAN),
                 coverage95,
                 judged: Some(found.len()),
             }

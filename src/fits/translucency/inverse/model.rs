@@ -4,6 +4,7 @@
 use super::{BeamIncidence, Options, TissueCoefficients, TissueImage, TissueMeasurement};
 use crate::translucency::Result;
 use mesophyll_base::solvers::lbfgs::{DifferentiableCost, NormalEquations};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::progress;
 use mesophyll_optics::dipole::{DipoleForm, Tissue};
 use mesophyll_optics::translucency::convolution::support;
@@ -119,9 +120,8 @@ impl<'a> TissueFitModel<'a> {
         let noise = self.measured.noise;
         let each = self.measured.channels.iter().zip(levels).map(|(channel, levels)| {
             let one = channel.images.iter().zip(levels).map(|(image, level)| {
-                let mut used: Vec<f64> = level.iter().zip(&image.used).filter(|(_, u)| **u).map(|(v, _)| *v).collect();
-                used.sort_unstable_by(f64::total_cmp);
-                let least = 0.02 * used.get(used.len() / 2).copied().unwrap_or(0.0).max(0.0);
+                let used = level.iter().zip(&image.used).filter(|(_, u)| **u).map(|(v, _)| *v);
+                let least = 0.02 * median_of(used).unwrap_or(0.0).max(0.0);
                 let sd = |v: f64| (noise.relative * v.max(least)).hypot(noise.floor).max(1e-12);
                 level.iter().zip(&image.used).map(|(v, u)| if *u { 1.0 / sd(*v) } else { 0.0 }).collect()
             });

@@ -10,6 +10,7 @@ use crate::translucency::side::{lit, surface};
 use crate::translucency::source::{DirectionFrame, TranslucencyLeaf, TranslucencySideMaps};
 use crate::translucency::tissue::{LightEntry, TABLE, mean};
 use crate::translucency::{Error, Result};
+use mesophyll_base::statistics::median_of;
 use mesophyll_capture::beams::BeamsCapture;
 use mesophyll_capture::dome::noise;
 use mesophyll_files::image::{read_exr, read_exr_rows};
@@ -246,14 +247,13 @@ fn thickness_errors(
 fn noise_of(relative: Option<f64>, floor: Option<f64>, channels: &[TissueChannel], width: usize) -> TissueNoise {
     match (relative, floor) {
         (None, None) => {
-            let mut each: Vec<f64> = channels
+            let each = channels
                 .iter()
                 .flat_map(|c| &c.images)
                 .filter_map(|i| noise::deviation(&i.seen, &i.used, width))
                 .filter(|(_, level)| *level > 0.0)
-                .map(|(sd, level)| sd / level)
-                .collect();
-            let relative = noise::median(&mut each);
+                .map(|(sd, level)| sd / level);
+            let relative = median_of(each).unwrap_or(0.0);
             if relative > 0.0 { TissueNoise { relative, floor: 0.0, known: false } } else { TissueNoise::EXACT }
         }
         (r, f) if r.unwrap_or(0.0) == 0.0 && f.unwrap_or(0.0) == 0.0 => TissueNoise::EXACT,

@@ -7,7 +7,7 @@
 //! mirrored share is at most what the darkest texel shows in its darkest channel. Then the middle of the range is
 //! subtracted, and its width is part of the errors.
 
-use super::noise::quantile;
+use mesophyll_base::statistics::quantile;
 use serde::Serialize;
 
 /// Range of effective indices of leaves.
@@ -44,7 +44,7 @@ pub fn estimate(reflectance: &[[f64; 3]], mask: &[bool], index: Option<f64>) -> 
         .filter(|(r, m)| **m && r.iter().all(|v| v.is_finite()))
         .map(|(r, _)| r.iter().copied().fold(f64::INFINITY, f64::min))
         .collect();
-    let at_most = quantile(&mut darkest, DARKEST).max(0.0);
+    let at_most = quantile(&mut darkest, DARKEST).unwrap_or(0.0).max(0.0);
     match index {
         Some(n) => {
             let slope = 4.0 * (n - 1.0) / (n + 1.0).powi(3);

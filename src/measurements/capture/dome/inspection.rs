@@ -3,10 +3,10 @@
 //! fine enough.
 
 use super::manifest::{DomeManifest, DomePicture};
-use super::noise::quantile;
 use super::reader::{DomeCapture, check_files};
 use super::reduction::{DomeMaps, Options, reduce};
 use crate::kind::CaptureKind;
+use mesophyll_base::statistics::{median_of, quantile};
 use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -123,15 +123,14 @@ fn look(capture: &DomeCapture, r: &DomeMaps, found: &mut DomeInspection) {
             (DomePicture::Albedo, &pictures.albedo, &capture.white),
             (DomePicture::Translucency, &pictures.translucency, &capture.empty),
         ] {
-            let mut level: Vec<f64> =
-                reference.iter().flatten().map(|v| f64::from(*v)).filter(|v| v.is_finite()).collect();
-            let level = quantile(&mut level, 0.5);
+            let level = reference.iter().flatten().map(|v| f64::from(*v)).filter(|v| v.is_finite());
+            let level = median_of(level).unwrap_or(0.0);
             let on = || image.iter().zip(&mask).zip(&pictures.saturated).filter(|((_, m), _)| **m);
             let blind =
                 on().filter(|((v, _), s)| **s || v.iter().any(|c| !c.is_finite())).count() as f64 / leaf.max(1) as f64;
             let mut values: Vec<f64> =
                 on().flat_map(|((v, _), _)| v.map(f64::from)).filter(|v| v.is_finite()).collect();
-            let [low, median, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut values, q) / level);
+            let [low, median, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut values, q).unwrap_or(0.0) / level);
             let name = format!("{}/{}.exr", name.name(), picture.name());
             if blind > 0.01 {
                 found.warnings.push(format!("{name}: {:.1} % of the leaf has no reading", 100.0 * blind));
@@ -152,9 +151,7 @@ fn look(capture: &DomeCapture, r: &DomeMaps, found: &mut DomeInspection) {
             found.photographs.push(DomePhotographSummary { name, low, median, high, no_reading_share: blind });
         }
         let medians = |map: &[[f64; 3]]| {
-            [0, 1, 2].map(|c: usize| {
-                quantile(&mut map.iter().map(|v| v[c]).filter(|v| v.is_finite()).collect::<Vec<_>>(), 0.5)
-            })
+            [0, 1, 2].map(|c: usize| median_of(map.iter().map(|v| v[c]).filter(|v| v.is_finite())).unwrap_or(0.0))
         };
         let h = side.highlight;
         if h.stated && h.share > h.at_most {
@@ -183,7 +180,7 @@ fn look(capture: &DomeCapture, r: &DomeMaps, found: &mut DomeInspection) {
         });
     }
     let mut d: Vec<f64> = r.thickness.iter().copied().filter(|v| v.is_finite()).collect();
-    let thickness_mm = [0.01, 0.5, 0.99].map(|q| quantile(&mut d, q));
+    let thickness_mm = [0.01, 0.5, 0.99].map(|q| quantile(&mut d, q).unwrap_or(0.0));
     let back = mesophyll_optics::side::mirror(&capture.back.height, m.width);
     let holes =
         (0..m.texels()).filter(|&k| r.mask[k] && !(capture.front.height[k].is_finite() && back[k].is_finite())).count();

@@ -2,6 +2,8 @@
 //! (1996) cancels anything that is locally a plane in either direction; its median is taken so that veins and the
 //! outline count little. Real fine texture is taken for noise, so the result is an upper bound.
 
+use mesophyll_base::statistics::{NORMAL_MEDIAN, median};
+
 /// The stencil 1 −2 1; −2 4 −2; 1 −2 1, whose sum of squares is 36.
 const STENCIL: [f64; 9] = [1.0, -2.0, 1.0, -2.0, 4.0, -2.0, 1.0, -2.0, 1.0];
 /// Smallest number of places for an estimate.
@@ -24,22 +26,7 @@ pub fn deviation(values: &[f64], mask: &[bool], width: usize) -> Option<(f64, f6
     if found.len() < FEWEST {
         return None;
     }
-    // median |x| of a normal variable is 0.6745 σ
-    Some((median(&mut found) / 0.674_489_75, median(&mut level)))
-}
-
-/// The middle value; 0 for an empty list.
-pub fn median(values: &mut [f64]) -> f64 {
-    quantile(values, 0.5)
-}
-
-/// The value below which the share `q` of the values lies; 0 for an empty list.
-pub fn quantile(values: &mut [f64], q: f64) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let at = (q * (values.len() - 1) as f64).round() as usize;
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
+    Some((median(&mut found)? / NORMAL_MEDIAN, median(&mut level)?))
 }
 
 #[cfg(test)]

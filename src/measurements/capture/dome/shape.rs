@@ -3,11 +3,11 @@
 
 use super::alignment::{self, ScanAlignment, SmoothingGoal};
 use super::manifest::{DomeManifest, DomePicture};
-use super::noise::quantile;
 use super::reader::DomeCapture;
 use super::reduction::Options;
 use super::smoothing::{SmoothingKernel, smooth};
 use crate::{Error, Result};
+use mesophyll_base::statistics::quantile;
 use mesophyll_optics::side::{Side, mirror};
 use std::path::Path;
 
@@ -96,10 +96,8 @@ pub fn shape(capture: &DomeCapture, mask: &[bool], options: &Options) -> Result<
 /// One texel in a thousand is left out at each end.
 fn reach(values: &[f64], mask: &[bool], noise: f64) -> Option<(f64, f64)> {
     let mut all: Vec<f64> = values.iter().zip(mask).filter(|(v, m)| **m && v.is_finite()).map(|(v, _)| *v).collect();
-    if all.is_empty() {
-        return None;
-    }
     let [low, middle, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut all, q));
+    let (low, middle, high) = (low?, middle?, high?);
     // Three deviations of the noise that the smoothing leaves, which is about a quarter of the noise.
     let slack = 0.75 * noise;
     Some(((high - middle - slack).max(0.0), (middle - low - slack).max(0.0)))

@@ -9,6 +9,7 @@
 use super::{TubeInspection, list_numbers};
 use crate::Result;
 use crate::manifest::{TubeManifest, TubePass, mirror_path};
+use mesophyll_base::statistics::upper_quantile;
 use mesophyll_files::image;
 use mesophyll_optics::tube::Travel;
 use serde::Serialize;
@@ -225,8 +226,7 @@ fn profile(path: &Path, m: &TubeManifest, travel: Travel) -> Result<Vec<(f64, f6
 /// The value beside the reflection. The reflection covers less than half of the strip.
 fn base(profile: &[(f64, f64)]) -> f64 {
     let mut values: Vec<f64> = profile.iter().map(|(_, v)| *v).collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 4).copied().unwrap_or(f64::NAN)
+    upper_quantile(&mut values, 1, 4).unwrap_or(f64::NAN)
 }
 
 /// Centre of gravity of the reflection; `None` where the frame shows none, or only a part of it.

@@ -1,6 +1,7 @@
 //! Noise of frames from fourth differences along the tube's path. These cancel anything as smooth as the tube's
 //! fall-off (to about 1e-4 of the value at 100 frames), so only noise is left: sd² = (relative · value)² + floor².
 
+use mesophyll_base::statistics::{NORMAL_MEDIAN, median, upper_quantile};
 use serde::Serialize;
 
 /// Frames that a window of fourth differences needs.
@@ -62,27 +63,17 @@ impl NoiseMeter {
         let mut rows = Vec::new();
         for (bin, values) in self.bins.iter_mut().zip(&mut self.values) {
             if bin.len() >= FEWEST {
-                // median |x| of a normal variable is 0.6745 σ
-                let sd = f64::from(median(bin)) / 0.674_489_75;
-                rows.push((f64::from(median(values)).powi(2), sd * sd, bin.len() as f64));
+                let sd = f64::from(median(bin)?) / NORMAL_MEDIAN;
+                rows.push((f64::from(median(values)?).powi(2), sd * sd, bin.len() as f64));
             }
         }
         let differences: usize = self.bins.iter().map(Vec::len).sum();
         let mut all: Vec<f32> = self.values.into_iter().flatten().collect();
-        if all.is_empty() {
-            return None;
-        }
-        let typical_value = f64::from(median(&mut all));
-        let bright = all.len() * 9 / 10;
-        let bright_value = f64::from(*all.select_nth_unstable_by(bright, f32::total_cmp).1);
+        let typical_value = f64::from(median(&mut all)?);
+        let bright_value = f64::from(upper_quantile(&mut all, 9, 10)?);
         let (a, b) = line(&rows)?;
         Some(NoiseEstimate { relative: a.sqrt(), floor: b.sqrt(), typical_value, bright_value, differences })
     }
-}
-
-fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 /// The line y = a x + b with a, b ≥ 0. Each point has the weight of its count over y², because a variance is known to a

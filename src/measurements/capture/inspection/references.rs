@@ -3,6 +3,7 @@
 use super::{TubeInspection, list_numbers};
 use crate::Error;
 use crate::manifest::{TubeManifest, white_path};
+use mesophyll_base::statistics::median;
 use mesophyll_files::image::{self, ChannelMaps};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -174,17 +175,12 @@ fn widen(s: &mut ReferenceSummary, maps: &ChannelMaps) {
     let all = maps.channels.len() * maps.width * maps.height;
     let absent = 1.0 - values.len() as f64 / all.max(1) as f64;
     s.no_reading_share = Some(s.no_reading_share.map_or(absent, |a| a.max(absent)));
-    if values.is_empty() {
-        return;
-    }
-    let middle = values.len() / 2;
-    let (low, median, high) = values.select_nth_unstable_by(middle, f32::total_cmp);
-    let median = f64::from(*median);
-    let low = low.iter().copied().fold(median as f32, f32::min);
-    let high = high.iter().copied().fold(median as f32, f32::max);
+    let Some(median) = median(&mut values) else { return };
+    let low = values.iter().copied().fold(median, f32::min);
+    let high = values.iter().copied().fold(median, f32::max);
     s.min = Some(s.min.map_or(f64::from(low), |v| v.min(f64::from(low))));
     s.max = Some(s.max.map_or(f64::from(high), |v| v.max(f64::from(high))));
-    s.median = Some(median);
+    s.median = Some(f64::from(median));
 }
 
 /// Checks that (leaf − dark) / (box − dark) lies in 0 … 1. Returns the share of texels that block light, which is a

@@ -8,7 +8,7 @@
 use super::diffuse::fresnel;
 use super::manifest::PhotoManifest;
 use crate::dome::highlight::{Highlight, fresnel_normal};
-use crate::dome::noise::quantile;
+use mesophyll_base::statistics::quantile;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
 
@@ -47,7 +47,7 @@ pub(super) fn gloss(m: &PhotoManifest, side: Side, seen: &[[f64; 3]], noise: &[[
     // `DARKEST_NOISE` below it, so that this is added again.
     let darkest = |k: usize| (0..3).map(|c| seen[k][c] + DARKEST_NOISE * noise[k][c]).fold(f64::INFINITY, f64::min);
     let mut list: Vec<f64> = (0..seen.len()).filter(|&k| inner[k]).map(darkest).filter(|v| v.is_finite()).collect();
-    let at_most = if list.is_empty() { f64::INFINITY } else { quantile(&mut list, DARKEST).max(0.0) };
+    let at_most = quantile(&mut list, DARKEST).map_or(f64::INFINITY, |v| v.max(0.0));
     let s = usize::from(side == Side::Back);
     let (normal, all_round, moves) = match m.gloss {
         Some(g) => {

@@ -5,8 +5,8 @@ use super::noise::SensorNoise;
 use super::outline::{on_table, widened};
 use super::picture::LinearPhotograph;
 use super::texture::Chosen;
-use crate::dome::noise::quantile;
 use crate::photo::{Error, Result};
+use mesophyll_base::statistics::{median, quantile};
 
 /// A share of the picture at least is bare table, by which it is told how bright the table is now.
 const BARE: f64 = 0.05;
@@ -44,7 +44,7 @@ pub(super) fn on_light_table(picture: &LinearPhotograph, bare: &LinearPhotograph
     let sample = (w * h / 100_000).max(1);
     let mut levels: Vec<f64> = (0..w * h).step_by(sample).map(|k| f64::from(bare.grey(k))).collect();
     levels.retain(|v| v.is_finite());
-    let full = quantile(&mut levels, 0.9);
+    let full = quantile(&mut levels, 0.9).unwrap_or(0.0);
     // Where the bare picture is darker than a tenth of the table there is no table.
     let mut ratio: Vec<[f32; 3]> = (0..w * h)
         .map(|k| {
@@ -56,9 +56,9 @@ pub(super) fn on_light_table(picture: &LinearPhotograph, bare: &LinearPhotograph
     let now = [0, 1, 2].map(|c: usize| {
         let mut list: Vec<f64> = ratio.iter().step_by(sample).map(|v| f64::from(v[c])).collect();
         list.retain(|v| v.is_finite());
-        let brightest = quantile(&mut list, 1.0 - BARE);
+        let brightest = quantile(&mut list, 1.0 - BARE).unwrap_or(0.0);
         list.retain(|v| (v / brightest - 1.0).abs() < EVEN);
-        quantile(&mut list, 0.5)
+        median(&mut list).unwrap_or(0.0)
     });
     if now.iter().any(|e| !(0.2..=5.0).contains(e)) {
         let what = format!("beside the leaf the table is {:.3} times as bright as bare; expected about 1", now[1]);
@@ -73,8 +73,7 @@ pub(super) fn on_light_table(picture: &LinearPhotograph, bare: &LinearPhotograph
         if beside.len() < 100 {
             return [now[c], 0.05];
         }
-        let quarter = |beside: &mut Vec<f64>, q| quantile(beside, q);
-        let (low, middle, high) = (quarter(&mut beside, 0.25), quarter(&mut beside, 0.5), quarter(&mut beside, 0.75));
+        let [low, middle, high] = [0.25, 0.5, 0.75].map(|q| quantile(&mut beside, q).unwrap_or(0.0));
         // Half the distance of the quartiles is .674 standard deviations. Noise averages out over the many pixels; what
         // does not is a table that changed from place to place, at most a tenth of what is seen.
         [middle * now[c], 0.1 * 0.5 * (high - low) / 0.674 / middle]

@@ -3,9 +3,9 @@
 
 use super::light::SheetLight;
 use super::picture::LinearPhotograph;
-use crate::dome::noise::quantile;
 use crate::lightbox::{mask_from_transmission, pieces};
 use crate::photo::{Error, Result};
+use mesophyll_base::statistics::quantile;
 use std::path::Path;
 
 /// How much brighter than the sheet a pixel must be to count as something that lies on it.
@@ -33,7 +33,7 @@ pub struct PhotoOutline {
 /// A quantile of about [`SAMPLE`] finite values.
 pub(super) fn level(values: impl Iterator<Item = f32>, count: usize, q: f64) -> f64 {
     let mut list: Vec<f64> = values.step_by((count / SAMPLE).max(1)).filter(|v| v.is_finite()).map(f64::from).collect();
-    if list.is_empty() { f64::NAN } else { quantile(&mut list, q) }
+    quantile(&mut list, q).unwrap_or(f64::NAN)
 }
 
 /// Finds what may be the leaf in a picture in open shade. Pieces that hold one of the pixels `other` (on the card or

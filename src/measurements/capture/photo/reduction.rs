@@ -23,8 +23,8 @@ use super::shade::{Lit, card_pixels, lit};
 use super::silhouette;
 use super::texture::{Chosen, choose};
 use super::views::{OTHER_WAY, OVERLAP, Views, judge, mismatch};
-use crate::dome::noise::quantile;
 use crate::photo::Result;
+use mesophyll_base::statistics::median_of;
 use mesophyll_optics::defect::{Defect, GOOD};
 use mesophyll_optics::side::{Side, mirror};
 use std::path::Path;
@@ -255,10 +255,8 @@ fn finished(
         };
         status[k] = defect.map_or(GOOD, Defect::code);
     }
-    let median = |of: &[[f64; 3]]| {
-        let mut good: Vec<f64> = (0..mask.len()).filter(|&k| status[k] == 1).map(|k| of[k][1]).collect();
-        if good.is_empty() { f64::NAN } else { quantile(&mut good, 0.5) }
-    };
+    let median =
+        |of: &[[f64; 3]]| median_of((0..mask.len()).filter(|&k| status[k] == 1).map(|k| of[k][1])).unwrap_or(f64::NAN);
     let mut figures = lit.figures;
     figures.extend([
         ("rho_d_err_texel", median(&lit.error)),

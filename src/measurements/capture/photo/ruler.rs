@@ -7,6 +7,7 @@
 
 use super::manifest::Ruler;
 use super::picture::LinearPhotograph;
+use mesophyll_base::statistics::median_of;
 use std::f64::consts::PI;
 
 /// How many times the power beside it a period must have.
@@ -75,16 +76,16 @@ pub fn scale(picture: &LinearPhotograph, ruler: &Ruler) -> PictureScale {
         .map(|s| stated + STEP * f64::from(s))
         .map(|c| (c, power(c)))
         .fold((stated, 0.0), |best, now| if now.1 > best.1 { now } else { best });
-    let mut beside: Vec<f64> = (3..12).flat_map(|s| [-1.0, 1.0].map(|d| power(best.0 + d * f64::from(s)))).collect();
-    beside.sort_unstable_by(f64::total_cmp);
-    if (best.0 - stated).abs() > reach - STEP || best.1 < STANDS_OUT * beside[beside.len() / 2] {
+    let beside = (3..12).flat_map(|s| [-1.0, 1.0].map(|d| power(best.0 + d * f64::from(s))));
+    let beside = median_of(beside).unwrap_or(f64::NAN);
+    if (best.0 - stated).abs() > reach - STEP || best.1 < STANDS_OUT * beside {
         return marks;
     }
     let [l, m, r] = [-STEP, 0.0, STEP].map(|d| power(best.0 + d));
     let cycles = best.0 + 0.5 * STEP * (l - r) / (l - 2.0 * m + r).min(-f64::MIN_POSITIVE);
     // Standard error of a frequency from the signal-to-noise ratio at its peak (Rife & Boorstyn 1974), in cycles over
     // the line; the power beside the peak is the noise.
-    let noise = (beside[beside.len() / 2] / best.1).sqrt();
+    let noise = (beside / best.1).sqrt();
     let err = 3f64.sqrt() / PI * noise / cycles;
     PictureScale { pixel_mm: cycles * tick_mm / length, relative_err: err.hypot(PRINTED), by_ticks: true }
 }

@@ -6,6 +6,7 @@
 //! of every kind add up to 1.
 
 use super::kernel::Kernel;
+use mesophyll_base::chebyshev;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -72,7 +73,7 @@ impl Nodes {
             LevelKind::Linear => thinnest + (thickest - thinnest) * even(k),
             LevelKind::Cubic => (low + (high - low) * even(k)).exp(),
             LevelKind::Chebyshev | LevelKind::Svd => {
-                (0.5 * (low + high) - 0.5 * (high - low) * (PI * (k as f64 + 0.5) / count as f64).cos()).exp()
+                (0.5 * (low + high) - 0.5 * (high - low) * chebyshev::node(k, count)).exp()
             }
         });
         let kind = match kind {
@@ -168,7 +169,7 @@ impl Nodes {
         let x = ((2.0 * d.ln() - first - last) / (last - first) * (1.0 / edge)).clamp(-1.0, 1.0);
         let mut sum = 0.0;
         for k in 0..n {
-            let angle = PI * (k as f64 + 0.5) / n as f64;
+            let angle = chebyshev::angle(k, n);
             let gap = x + angle.cos();
             if gap.abs() < 1e-15 {
                 out.fill(0.0);
@@ -197,11 +198,10 @@ impl<const M: usize> Curves<M> {
     pub fn fit(f: impl Fn(f64) -> [f64; M] + Sync, low: f64, high: f64) -> Option<Curves<M>> {
         let (low, high) = (low.ln(), high.ln());
         for n in [32usize, 64, 128, 256, 512] {
-            let x = |k: usize| (PI * (k as f64 + 0.5) / n as f64).cos();
             let values: Vec<[f64; M]> = (0..n)
                 .into_par_iter()
                 .map(|k| {
-                    let v = f((0.5 * (low + high) + 0.5 * (high - low) * x(k)).exp());
+                    let v = f((0.5 * (low + high) + 0.5 * (high - low) * chebyshev::node(k, n)).exp());
                     std::array::from_fn(|m| if m == 0 { v[0].ln() } else { v[m] / v[0] })
                 })
                 .collect();
@@ -235,13 +235,7 @@ impl<const M: usize> Curves<M> {
         if !(t.abs() <= 1.0 + 1e-9) {
             return None;
         }
-        let mut values: [f64; M] = std::array::from_fn(|m| {
-            let (mut b1, mut b2) = (0.0, 0.0);
-            for c in self.series[m].iter().skip(1).rev() {
-                (b1, b2) = (2.0 * t * b1 - b2 + c, b1);
-            }
-            self.series[m][0] + t * b1 - b2
-        });
+        let mut values: [f64; M] = std::array::from_fn(|m| chebyshev::sum(&self.series[m], t));
         values[0] = values[0].exp();
         for m in 1..M {
             values[m] *= values[0];

@@ -24,6 +24,7 @@ mod tests;
 use crate::{Error, Result};
 use axis::TaperedTube;
 use glam::DVec3;
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::unit::LengthUnit;
 use rayon::prelude::*;
 use soup::{MeshPiece, TriangleSoup};
@@ -135,12 +136,10 @@ pub enum MaterialClass {
 /// Sizes that no plant has, a sentence each: the file's unit is probably another.
 pub fn strange(soup: &TriangleSoup, found: &PlantPieces) -> Vec<String> {
     let mut out = Vec::new();
-    let mut lengths: Vec<f64> = found.leaves.iter().map(|leaf| leaf.size[0]).collect();
-    lengths.sort_by(f64::total_cmp);
     let unit = "are the file's lengths in another unit than was taken (--unit)?";
-    if let Some(median) = lengths.get(lengths.len() / 2).filter(|mm| !BLADES.contains(mm)) {
-        let than = if *median < 1.0 { "shorter" } else { "longer" };
-        out.push(format!("half of the blades are {than} than {}, which no leaf is: {unit}", metres(*median)));
+    if let Some(median) = median_of(found.leaves.iter().map(|leaf| leaf.size[0])).filter(|mm| !BLADES.contains(mm)) {
+        let than = if median < 1.0 { "shorter" } else { "longer" };
+        out.push(format!("half of the blades are {than} than {}, which no leaf is: {unit}", metres(median)));
     }
     let (low, high) = soup
         .places

@@ -8,6 +8,7 @@ use super::soup::{MeshPiece, TriangleSoup};
 use super::{LeafPiece as FoundLeaf, PlantPieces, outline};
 use crate::form::{self, Blade, Branch, BranchMotion, Joint, Leaf, Plant, nearest};
 use glam::{DMat4, DVec2, DVec3};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
 use std::collections::{BTreeMap, HashMap};
 
@@ -224,7 +225,8 @@ fn blades(soup: &TriangleSoup, found: &PlantPieces, joint: impl Fn(&FoundLeaf) -
     for leaf in &found.leaves {
         lengths.entry(soup.material(&found.pieces[leaf.piece])).or_default().push(leaf.size[0]);
     }
-    let medians: BTreeMap<&str, f64> = lengths.into_iter().map(|(name, list)| (name, median(list))).collect();
+    let medians: BTreeMap<&str, f64> =
+        lengths.into_iter().map(|(name, list)| (name, median_of(list).unwrap_or(1.0))).collect();
     let mut shapes: Vec<Shape> = Vec::new();
     let mut alike: HashMap<(&str, usize, usize), Vec<usize>> = HashMap::new();
     let mut leaves: Vec<Leaf> = Vec::with_capacity(found.leaves.len());
@@ -270,11 +272,6 @@ fn blades(soup: &TriangleSoup, found: &PlantPieces, joint: impl Fn(&FoundLeaf) -
         Blade { mesh: cut.unwrap_or(shape.blade.mesh), ..shape.blade }
     };
     (shapes.into_iter().map(blade).collect(), leaves)
-}
-
-fn median(mut list: Vec<f64>) -> f64 {
-    list.sort_by(f64::total_cmp);
-    list.get(list.len() / 2).copied().unwrap_or(1.0)
 }
 
 /// The frame of a blade: x from its base to its tip, z out of its front, where triangles wind counterclockwise, and the

@@ -15,8 +15,8 @@
 //! uncorrected deflection (and row 3 prints d_s/s_r for d_s/s_s). Beyond the tip a vertex moves rigidly with the tip.
 
 use super::length::{AxisPoint, bend};
-use super::scalar::BendingScalar;
 use super::taper::TaperShape;
+use mesophyll_base::number::FloatingPoint;
 
 /// A branch at rest: root, orthonormal frame (t from root to tip), length (m, or whatever the vertices are in).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,16 +62,16 @@ pub struct JointFrame<T> {
 /// Smallest stretch on the inside of a bend: with less the surface would fold through itself.
 const LEAST_STRETCH: f64 = 0.05;
 
-fn dot<T: BendingScalar>(a: [T; 3], b: [T; 3]) -> T {
+fn dot<T: FloatingPoint>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// x a + y b + z c.
-fn mix<T: BendingScalar>(x: T, a: [T; 3], y: T, b: [T; 3], z: T, c: [T; 3]) -> [T; 3] {
+fn mix<T: FloatingPoint>(x: T, a: [T; 3], y: T, b: [T; 3], z: T, c: [T; 3]) -> [T; 3] {
     std::array::from_fn(|k| x * a[k] + y * b[k] + z * c[k])
 }
 
-fn unit<T: BendingScalar>(v: [T; 3]) -> [T; 3] {
+fn unit<T: FloatingPoint>(v: [T; 3]) -> [T; 3] {
     let length = dot(v, v).sqrt();
     if length > T::zero() { v.map(|c| c / length) } else { v }
 }
@@ -89,7 +89,7 @@ struct Plane<T> {
     share: [T; 2],
 }
 
-impl<T: BendingScalar> BranchFrame<T> {
+impl<T: FloatingPoint> BranchFrame<T> {
     /// `amplitude`: A_r and A_s, in units of the branch's length for each unit of normalised deflection: F/(E′r₁⁴) over
     /// L, along r and s.
     fn plane(&self, x: T, amplitude: [T; 2]) -> Plane<T> {

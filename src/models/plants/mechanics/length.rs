@@ -19,8 +19,8 @@
 
 use super::beam;
 use super::quadrature::{NodeWeight, TWELVE, TWENTY_FOUR, four};
-use super::scalar::BendingScalar;
 use super::taper::{TaperShape, coordinate, polynomial, position};
+use mesophyll_base::number::FloatingPoint;
 
 /// A place on the bent axis, in units of the branch's length: across and along are in the plane of bending.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,7 +39,7 @@ pub struct AxisPoint<T> {
 
 /// H9 Eq. 4.9–4.11 at `x`, given A u(x) and A u′(x). Returns x − d/s, where Eq. 4.14 takes its slope and which is also
 /// the place along the axis, and the place across.
-pub fn printed<T: BendingScalar>(x: T, u: T, du: T) -> (T, T) {
+pub fn printed<T: FloatingPoint>(x: T, u: T, du: T) -> (T, T) {
     let s = (T::one() + du * du).sqrt();
     // d/s with d = u (s−1)/u′ = u u′/(1+s).
     (x - u * du / ((T::one() + s) * s), u / s)
@@ -49,7 +49,7 @@ pub fn printed<T: BendingScalar>(x: T, u: T, du: T) -> (T, T) {
 pub const STEPS: usize = 2;
 
 /// Where the point at arc length `x` (0 to 1) moves to for an amplitude A ≥ 0. The result is finite for finite input.
-pub fn bend<T: BendingScalar>(shape: &TaperShape<T>, x: T, amplitude: T) -> AxisPoint<T> {
+pub fn bend<T: FloatingPoint>(shape: &TaperShape<T>, x: T, amplitude: T) -> AxisPoint<T> {
     let nodes = four().map(|(t, g)| (T::of(t), T::of(g)));
     bend_with(shape, x, amplitude, &nodes, STEPS)
 }
@@ -58,7 +58,7 @@ pub fn bend<T: BendingScalar>(shape: &TaperShape<T>, x: T, amplitude: T) -> Axis
 const LAST: f64 = 1e-7;
 
 /// [`bend`] with any rule and at most so many steps.
-pub fn bend_with<T: BendingScalar>(
+pub fn bend_with<T: FloatingPoint>(
     shape: &TaperShape<T>,
     x: T,
     amplitude: T,
@@ -92,7 +92,7 @@ struct Curve<'a, T> {
     amplitude: T,
 }
 
-impl<T: BendingScalar> Curve<'_, T> {
+impl<T: FloatingPoint> Curve<'_, T> {
     /// Velocity: d(along)/dy = α^y ℓ and d(across)/dy = A P′.
     fn velocity(&self, y: T) -> [T; 2] {
         [(y * self.shape.ln_alpha).exp() * self.shape.ell, self.amplitude * polynomial(&self.shape.a, y)[1]]

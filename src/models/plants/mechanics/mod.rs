@@ -19,6 +19,5 @@ pub mod load;
 pub mod motion;
 pub mod motion_spectrum;
 pub mod quadrature;
-pub mod scalar;
 pub mod taper;
 pub mod wind;

@@ -13,7 +13,7 @@
 //! [`TaperShape`] is what a shader gets: eight plain numbers for each branch.
 
 use super::beam::{TAPER_MAX, TAPER_MIN};
-use super::scalar::BendingScalar;
+use mesophyll_base::number::FloatingPoint;
 
 /// Coefficients of a branch: a₂ … a₅.
 pub const TERMS: usize = 4;
@@ -52,9 +52,15 @@ pub fn ell(alpha: f64) -> f64 {
     if beta == 0.0 { 1.0 } else { beta.ln_1p() / beta }
 }
 
+/// Number of terms with which a power series in a quantity below 1/9 reaches the type's precision: 16 for `f64`, 8 for
+/// `f32`.
+const fn terms<T>() -> usize {
+    2 * size_of::<T>()
+}
+
 /// y of x: ln(1+(α−1)x)/ln α. For α ≥ ½ it uses the series of the area hyperbolic tangent, whose common factor cancels,
 /// so that α → 1 is regular.
-pub fn coordinate<T: BendingScalar>(shape: &TaperShape<T>, x: T) -> T {
+pub fn coordinate<T: FloatingPoint>(shape: &TaperShape<T>, x: T) -> T {
     let (one, two) = (T::one(), T::of(2.0));
     let beta = shape.alpha - one;
     if shape.alpha < T::of(0.5) {
@@ -62,7 +68,7 @@ pub fn coordinate<T: BendingScalar>(shape: &TaperShape<T>, x: T) -> T {
     }
     let reduced = |z: T| {
         let mut sum = T::zero();
-        for k in (0..T::SERIES).rev() {
+        for k in (0..terms::<T>()).rev() {
             sum = sum * (z * z) + one / T::of((2 * k + 1) as f64);
         }
         sum
@@ -72,21 +78,21 @@ pub fn coordinate<T: BendingScalar>(shape: &TaperShape<T>, x: T) -> T {
 }
 
 /// x of y: (α^y − 1)/(α − 1), regular at α = 1.
-pub fn position<T: BendingScalar>(shape: &TaperShape<T>, y: T) -> T {
+pub fn position<T: FloatingPoint>(shape: &TaperShape<T>, y: T) -> T {
     let z = y * shape.ln_alpha;
     if z.abs() >= T::of(0.5) {
         return (z.exp() - T::one()) / (shape.alpha - T::one());
     }
     // (e^z − 1)/z.
     let mut sum = T::one();
-    for k in (2..=T::SERIES).rev() {
+    for k in (2..=terms::<T>()).rev() {
         sum = T::one() + z * sum / T::of(k as f64);
     }
     y * shape.ell * sum
 }
 
 /// P, P′ and P″ at y.
-pub fn polynomial<T: BendingScalar>(a: &[T; TERMS], y: T) -> [T; 3] {
+pub fn polynomial<T: FloatingPoint>(a: &[T; TERMS], y: T) -> [T; 3] {
     let (mut p, mut dp, mut ddp) = (T::zero(), T::zero(), T::zero());
     for (k, a) in a.iter().enumerate().rev() {
         let n = (k + 2) as f64;
@@ -97,7 +103,7 @@ pub fn polynomial<T: BendingScalar>(a: &[T; TERMS], y: T) -> [T; 3] {
     [p * y * y, dp * y, ddp]
 }
 
-impl<T: BendingScalar> TaperShape<T> {
+impl<T: FloatingPoint> TaperShape<T> {
     /// Deflection and slope at x in [0, 1].
     pub fn at(&self, x: T) -> (T, T) {
         let y = coordinate(self, x);
@@ -130,20 +136,10 @@ pub fn unscaled(s: f64) -> f64 {
     TAPER_MAX * ((s + 1.0) / 2.0 * (TAPER_MIN / TAPER_MAX).ln()).exp()
 }
 
-/// T_0 … T_{n−1} at s.
-pub fn chebyshev(s: f64, n: usize) -> Vec<f64> {
-    let mut t = vec![1.0, s];
-    while t.len() < n {
-        t.push(2.0 * s * t[t.len() - 1] - t[t.len() - 2]);
-    }
-    t.truncate(n);
-    t
-}
-
 impl TaperSeries {
     /// The shape of a branch of taper `alpha` in [[`TAPER_MIN`], [`TAPER_MAX`]].
     pub fn shape(&self, alpha: f64) -> TaperShape<f64> {
-        let t = chebyshev(scaled(alpha), self.series[0].len());
+        let t = mesophyll_base::chebyshev::values(scaled(alpha), self.series[0].len());
         TaperShape::new(alpha, std::array::from_fn(|k| self.series[k].iter().zip(&t).map(|(c, t)| c * t).sum()))
     }
 

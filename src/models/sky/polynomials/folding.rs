@@ -16,10 +16,11 @@
 //! Without the mixing, red would be a small difference of large numbers, and single precision would lose a digit.
 
 use super::mix::{ColourMix, OrderIndices, scaled_turbidity};
-use super::{SkyFloat, chebyshev};
 use crate::harmonics::HarmonicCoefficients;
 use crate::preetham::{self, PreethamTurbidity};
 use crate::{SkyRefusal, check};
+use mesophyll_base::chebyshev;
+use mesophyll_base::number::FloatingPoint;
 use mesophyll_base::processor::InstructionSet;
 use std::f64::consts::FRAC_PI_2;
 
@@ -40,7 +41,7 @@ pub struct FoldedPolynomials<T = f32> {
     mix: ColourMix,
 }
 
-impl<T: SkyFloat> FoldedPolynomials<T> {
+impl<T: FloatingPoint> FoldedPolynomials<T> {
     /// From arrays. For each row i and each j < `rows[i]` they hold u_0 of the functions of `even` orders, then u_1,
     /// then u_2; `odd` is ordered in the same way.
     ///
@@ -121,8 +122,8 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
     }
 
     /// The same in another precision.
-    pub fn to<U: SkyFloat>(&self) -> FoldedPolynomials<U> {
-        let cast = |v: &[T]| v.iter().map(|x| U::narrow(x.wide())).collect();
+    pub fn to<U: FloatingPoint>(&self) -> FoldedPolynomials<U> {
+        let cast = |v: &[T]| v.iter().map(|x| U::of(x.wide())).collect();
         FoldedPolynomials {
             bands: self.bands,
             turbidities: self.turbidities,
@@ -159,7 +160,12 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
         #[cfg(target_arch = "x86_64")]
         if InstructionSet::detect() >= InstructionSet::Avx2 {
             #[target_feature(enable = "avx2,fma")]
-            fn wide<T: SkyFloat>(this: &FoldedPolynomials<T>, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
+            fn wide<T: FloatingPoint>(
+                this: &FoldedPolynomials<T>,
+                sun_zenith: f64,
+                turbidity: f64,
+                out: &mut [[T; 3]],
+            ) {
                 this.fill_with::<true>(sun_zenith, turbidity, out);
             }
             // SAFETY: this processor has the instruction set.
@@ -175,16 +181,16 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
         let n = self.rows.len();
         suns(sun_zenith, &mut even[..n], &mut odd[..n]);
         let mut columns = [0.0; MOST_COLUMNS];
-        chebyshev(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
+        chebyshev::fill(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
         let mut products = [[T::default(); 2]; MOST_ROWS * MOST_COLUMNS];
         let mut terms = 0;
         for (i, row) in self.rows.iter().enumerate() {
             for column in &columns[..*row] {
-                products[terms] = [T::narrow(even[i] * column), T::narrow(odd[i] * column)];
+                products[terms] = [T::of(even[i] * column), T::of(odd[i] * column)];
                 terms += 1;
             }
         }
-        let matrix = self.mix.matrix(&PreethamTurbidity::new(turbidity), sun_zenith).map(|row| row.map(T::narrow));
+        let matrix = self.mix.matrix(&PreethamTurbidity::new(turbidity), sun_zenith).map(|row| row.map(T::of));
         let products = &products[..terms];
         finish::<T, FUSED>(&self.even, |k| products[k][0], terms, &self.orders.even, &matrix, out);
         finish::<T, FUSED>(&self.odd, |k| products[k][1], terms, &self.orders.odd, &matrix, out);
@@ -197,7 +203,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
     pub fn at(&self, turbidity: f64) -> Result<FixedSky<T>, SkyRefusal> {
         self.accepts(0.0, turbidity)?;
         let mut columns = [0.0; MOST_COLUMNS];
-        chebyshev(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
+        chebyshev::fill(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
         let contract = |from: &[T], width: usize| {
             let mut to = vec![T::default(); self.rows.len() * width];
             let mut term = 0;
@@ -207,7 +213,7 @@ impl<T: SkyFloat> FoldedPolynomials<T> {
                     sums.iter_mut().zip(&from[term * width..]).for_each(|(s, a)| *s += a.wide() * column);
                     term += 1;
                 }
-                to[i * width..].iter_mut().zip(sums).for_each(|(t, s)| *t = T::narrow(s));
+                to[i * width..].iter_mut().zip(sums).for_each(|(t, s)| *t = T::of(s));
             }
             to
         };
@@ -235,7 +241,7 @@ pub struct FixedSky<T = f32> {
     mix: ColourMix,
 }
 
-impl<T: SkyFloat> FixedSky<T> {
+impl<T: FloatingPoint> FixedSky<T> {
     /// Number of bands N: l = 0 … N−1.
     pub fn bands(&self) -> usize {
         self.bands
@@ -261,7 +267,7 @@ impl<T: SkyFloat> FixedSky<T> {
         #[cfg(target_arch = "x86_64")]
         if InstructionSet::detect() >= InstructionSet::Avx2 {
             #[target_feature(enable = "avx2,fma")]
-            fn wide<T: SkyFloat>(this: &FixedSky<T>, sun_zenith: f64, out: &mut [[T; 3]]) {
+            fn wide<T: FloatingPoint>(this: &FixedSky<T>, sun_zenith: f64, out: &mut [[T; 3]]) {
                 this.fill_with::<true>(sun_zenith, out);
             }
             // SAFETY: this processor has the instruction set.
@@ -275,9 +281,9 @@ impl<T: SkyFloat> FixedSky<T> {
     fn fill_with<const FUSED: bool>(&self, sun_zenith: f64, out: &mut [[T; 3]]) {
         let (mut even, mut odd) = ([0.0; MOST_ROWS], [0.0; MOST_ROWS]);
         suns(sun_zenith, &mut even[..self.rows], &mut odd[..self.rows]);
-        let matrix = self.mix.matrix(&self.turbid, sun_zenith).map(|row| row.map(T::narrow));
-        finish::<T, FUSED>(&self.even, |k| T::narrow(even[k]), self.rows, &self.orders.even, &matrix, out);
-        finish::<T, FUSED>(&self.odd, |k| T::narrow(odd[k]), self.rows, &self.orders.odd, &matrix, out);
+        let matrix = self.mix.matrix(&self.turbid, sun_zenith).map(|row| row.map(T::of));
+        finish::<T, FUSED>(&self.even, |k| T::of(even[k]), self.rows, &self.orders.even, &matrix, out);
+        finish::<T, FUSED>(&self.odd, |k| T::of(odd[k]), self.rows, &self.orders.odd, &matrix, out);
     }
 }
 
@@ -285,8 +291,8 @@ impl<T: SkyFloat> FixedSky<T> {
 #[inline(always)]
 pub fn suns(sun_zenith: f64, even: &mut [f64], odd: &mut [f64]) {
     let x = sun_zenith / FRAC_PI_2;
-    chebyshev(x, 0, 2, even);
-    chebyshev(x, 1, 2, odd);
+    chebyshev::fill(x, 0, 2, even);
+    chebyshev::fill(x, 1, 2, odd);
 }
 
 /// Largest number of functions of one parity (those of 12 bands), times three.
@@ -294,7 +300,7 @@ const MOST_WIDTH: usize = 3 * 80;
 
 /// Sums `terms` rows of `from`, each times its factor, and writes the colours.
 #[inline(always)]
-fn finish<T: SkyFloat, const FUSED: bool>(
+fn finish<T: FloatingPoint, const FUSED: bool>(
     from: &[T],
     factor: impl Fn(usize) -> T,
     terms: usize,
@@ -328,7 +334,7 @@ fn finish<T: SkyFloat, const FUSED: bool>(
 }
 
 #[inline(always)]
-fn block<T: SkyFloat, const W: usize, const FUSED: bool>(
+fn block<T: FloatingPoint, const W: usize, const FUSED: bool>(
     from: &[T],
     factor: &impl Fn(usize) -> T,
     terms: usize,
@@ -349,6 +355,6 @@ fn block<T: SkyFloat, const W: usize, const FUSED: bool>(
     W
 }
 
-fn widened<T: SkyFloat>(values: &[[T; 3]]) -> HarmonicCoefficients {
+fn widened<T: FloatingPoint>(values: &[[T; 3]]) -> HarmonicCoefficients {
     HarmonicCoefficients::from_values(values.iter().map(|v| v.map(T::wide)).collect()).unwrap_or_default()
 }

@@ -1,9 +1,10 @@
 //! Coefficients as a product of two polynomial bases in θs and τ: one polynomial for each coefficient and channel
 //! (Habel 2009 Eq. 5.1).
 
-use super::{SkyFloat, chebyshev};
 use crate::harmonics::HarmonicCoefficients;
 use crate::{SkyRefusal, check};
+use mesophyll_base::chebyshev;
+use mesophyll_base::number::FloatingPoint;
 use std::f64::consts::FRAC_PI_2;
 
 /// The functions of a variable.
@@ -31,7 +32,7 @@ pub struct PolynomialTensor<T = f32> {
     values: Vec<T>,
 }
 
-impl<T: SkyFloat> PolynomialTensor<T> {
+impl<T: FloatingPoint> PolynomialTensor<T> {
     /// # Errors
     /// A sentence where lengths make no sense.
     pub fn new(
@@ -73,8 +74,8 @@ impl<T: SkyFloat> PolynomialTensor<T> {
     }
 
     /// The same in another precision.
-    pub fn to<U: SkyFloat>(&self) -> PolynomialTensor<U> {
-        let values = self.values.iter().map(|v| U::narrow(v.wide())).collect();
+    pub fn to<U: FloatingPoint>(&self) -> PolynomialTensor<U> {
+        let values = self.values.iter().map(|v| U::of(v.wide())).collect();
         PolynomialTensor {
             basis: self.basis,
             bands: self.bands,
@@ -99,7 +100,7 @@ impl<T: SkyFloat> PolynomialTensor<T> {
         let mut rows = self.values.chunks_exact(width);
         for x in &a[..self.powers[0]] {
             for y in &b[..self.powers[1]] {
-                let product = T::narrow(*x) * T::narrow(*y);
+                let product = T::of(*x) * T::of(*y);
                 if let Some(row) = rows.next() {
                     sums.iter_mut().zip(row).for_each(|(s, v)| *s += product * *v);
                 }
@@ -120,6 +121,6 @@ pub fn fill(basis: PolynomialBasis, x: f64, [low, high]: [f64; 2], out: &mut [f6
                 power *= x;
             }
         }
-        PolynomialBasis::Chebyshev => chebyshev((2.0 * x - low - high) / (high - low), 0, 1, out),
+        PolynomialBasis::Chebyshev => chebyshev::fill((2.0 * x - low - high) / (high - low), 0, 1, out),
     }
 }

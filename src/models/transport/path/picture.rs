@@ -15,6 +15,7 @@ use crate::renderer::CameraRays;
 use crate::seeds::{mix, scramble};
 use crate::world::ReferenceCamera;
 use crate::{Error, Result};
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use mesophyll_files::progress::{self, TaskProgress};
 use rayon::prelude::*;
@@ -120,13 +121,11 @@ impl PathPicture {
     /// channels. `None` where it is undetermined: after one round, or where no leaf is seen.
     pub fn median_error(&self) -> Option<f64> {
         let mean = |c: [f32; 3]| c.iter().map(|v| f64::from(*v)).sum::<f64>();
-        let mut all: Vec<f64> = (0..self.mean.len())
+        let all = (0..self.mean.len())
             .filter(|k| self.met[*k] && mean(self.mean[*k]) > 0.0)
             .map(|k| mean(self.error(k)) / mean(self.mean[k]))
-            .filter(|e| !e.is_nan())
-            .collect();
-        let middle = all.len() / 2;
-        (!all.is_empty()).then(|| *all.select_nth_unstable_by(middle, f64::total_cmp).1)
+            .filter(|e| !e.is_nan());
+        median_of(all)
     }
 
     /// Draws until the target is reached or a stop is requested. `store` is called with the current picture from time

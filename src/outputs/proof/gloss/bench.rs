@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
 use mesophyll_base::processor::InstructionSet;
+use mesophyll_base::statistics::{median, upper_quantile};
 use mesophyll_fits::gloss::synthetic::{GaussianDeviates, GlossFitTruth, device, pass_x, trace};
 use mesophyll_fits::gloss::{GlossFitDevice, GlossTexelFitter, normal_of, normal_slopes};
 use mesophyll_optics::gloss::Lobe;
@@ -48,7 +49,7 @@ impl Set {
         median_us(60.0, all) / self.traces.len() as f64
     }
 
-    /// Relative errors of m, ascending, and the number of failed fits: those that did not converge, or are off by more
+    /// Relative errors of m, and the number of failed fits: those that did not converge, or are off by more
     /// than six of their own errors.
     fn errors(&self, fitter: &GlossTexelFitter) -> (Vec<f64>, usize) {
         let mut ws = fitter.workspace();
@@ -58,7 +59,6 @@ impl Set {
             failed += usize::from(!fit.termination.converged() || !((fit.m - t.m).abs() < 6.0 * fit.m_err));
             errors.push((fit.m / t.m - 1.0).abs());
         }
-        errors.sort_by(f64::total_cmp);
         (errors, failed)
     }
 }
@@ -90,9 +90,10 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
     for frames in [25, 50, 100, 200, 400] {
         let set = Set::new(Lobe::Beckmann, 0.01, frames, truths.clone());
         let fitter = GlossTexelFitter::new(&set.device, &set.positions, None);
-        let (errors, failed) = set.errors(&fitter);
+        let (mut errors, failed) = set.errors(&fitter);
         let note = format!("fit of an RGB texel; error: median of m, noise 1 %, {failed} of {} failed", errors.len());
-        rows.push(row("frames used", frames.to_string(), errors[errors.len() / 2], set.time(&fitter), note));
+        let error = median(&mut errors).unwrap_or(f64::NAN);
+        rows.push(row("frames used", frames.to_string(), error, set.time(&fitter), note));
     }
     for lobe in Lobe::all(1.45) {
         // With F·G in the model, ρs is larger by about the factor by which F is small.
@@ -100,19 +101,20 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         let truths = truths.iter().map(|t| GlossFitTruth { rho_s: t.rho_s.map(|r| r * scale), ..*t }).collect();
         let set = Set::new(lobe, 0.01, 100, truths);
         let fitter = GlossTexelFitter::new(&set.device, &set.positions, None);
-        let (errors, failed) = set.errors(&fitter);
+        let (mut errors, failed) = set.errors(&fitter);
         let note = format!(
             "fit of an RGB texel, 100 frames; error: median of m, noise 1 %, {failed} of {} failed",
             errors.len()
         );
-        rows.push(row("lobe", lobe.name().into(), errors[errors.len() / 2], set.time(&fitter), note));
+        let error = median(&mut errors).unwrap_or(f64::NAN);
+        rows.push(row("lobe", lobe.name().into(), error, set.time(&fitter), note));
     }
     // The hard set: here the descent does not make up for a poor start.
     let hard = Set::new(Lobe::Beckmann, 0.02, 100, texels(300, 6, [0.03, 0.9], 0.1745));
     for fineness in [0.15, 0.25, 0.4, 0.6, 1.0, 1.6, 2.5] {
         let fitter =
             GlossTexelFitter::with_bank(&hard.device, &hard.positions, None, &TubePrecision::default(), fineness);
-        let (errors, failed) = hard.errors(&fitter);
+        let (mut errors, failed) = hard.errors(&fitter);
         let note = format!(
             "templates; error: 90th percentile of m, noise 2 %, m .03-.9, tilt 10 degrees, {failed} of {} failed",
             errors.len()
@@ -120,7 +122,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         rows.push(row(
             "template bank",
             fitter.bank_size().to_string(),
-            errors[errors.len() * 9 / 10],
+            upper_quantile(&mut errors, 9, 10).unwrap_or(f64::NAN),
             hard.time(&fitter),
             note,
         ));

@@ -6,6 +6,7 @@ use crate::Result;
 use crate::bench::BenchRow;
 use crate::precise::refined;
 use mesophyll_base::solvers::{Options, Problem, lm, multi_start};
+use mesophyll_base::statistics::median_of;
 
 /// Rows for every knob of the solver: iterations, cost tolerance, first trust radius, derivatives, refinement. The
 /// error of a setting is 10^−(mean correct digits over the 54 runs); its time is the median run's.
@@ -51,14 +52,12 @@ fn row(knob: &str, setting: String, all: &[NistOutcome]) -> BenchRow {
     let mean = all.iter().map(|o| o.digits).sum::<f64>() / count;
     let deviations = all.iter().map(|o| o.deviation_digits).sum::<f64>() / count;
     let solved = all.iter().filter(|o| o.digits > SOLVED).count();
-    let mut times: Vec<f64> = all.iter().map(|o| o.ms * 1e3).collect();
-    times.sort_by(f64::total_cmp);
     BenchRow {
         model: "solve".into(),
         knob: knob.into(),
         setting,
         error: 10f64.powf(-mean),
-        us: times.get(times.len() / 2).copied().unwrap_or(f64::NAN),
+        us: median_of(all.iter().map(|o| o.ms * 1e3)).unwrap_or(f64::NAN),
         note: format!("NIST: {solved} of {} solved, {mean:.2} digits, standard deviations {deviations:.2}", all.len()),
     }
 }

@@ -10,7 +10,7 @@ use super::BenchRow;
 use super::trees::{LEAF_FILE, TREE};
 use glam::{DVec2, Vec3};
 use mesophyll_base::error::{Error, Result};
-use mesophyll_check::cost::median;
+use mesophyll_base::statistics::median_of;
 use mesophyll_check::told;
 use mesophyll_files::mesh::{LeafMesh, vertex_normals, vertex_tangents};
 use mesophyll_files::progress::{self, TaskProgress};
@@ -188,7 +188,7 @@ pub fn rows(bar: &TaskProgress) -> Result<Vec<BenchRow>> {
                 list.push(1e6 * clock.elapsed().as_secs_f64());
             }
         }
-        let [us, plain, full] = times.map(|list| median(&list));
+        let [us, plain, full] = times.map(|list| median_of(list).unwrap_or(0.0));
         let off = |way: usize, c: usize| seen[way].0[c] / seen[IN_FULL].0[c] - 1.0;
         rows.push(BenchRow {
             model: "render".into(),

@@ -9,7 +9,7 @@
 use super::{BenchRow, repeats, ridge};
 use glam::{DVec3, Vec3};
 use mesophyll_base::error::{Error, Result};
-use mesophyll_check::cost::median;
+use mesophyll_base::statistics::median_of;
 use mesophyll_check::{blocks, told};
 use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_optics::side::Side;
@@ -291,7 +291,7 @@ fn densities(adapter: &str, bar: &TaskProgress) -> Result<Vec<BenchRow>> {
                 times[turn] = frame(renderer, &camera(35.0, 1200.0, 300.0).0, [480, 320])?;
             }
         }
-        let medians = times.map(|t| median(&t));
+        let medians = times.map(|t| median_of(t).unwrap_or(0.0));
         rows.extend(DENSITIES.iter().enumerate().map(|(k, density)| BenchRow {
             model: "grass".into(),
             knob: "density".into(),

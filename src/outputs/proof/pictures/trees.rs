@@ -6,7 +6,7 @@
 
 use super::BenchRow;
 use mesophyll_base::error::{Error, Result};
-use mesophyll_check::cost::median;
+use mesophyll_base::statistics::{median_of, percentile};
 use mesophyll_check::told;
 use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_scene::draw::handover;
@@ -14,7 +14,7 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_transport::comparison::{flip_map, percentile};
+use mesophyll_transport::comparison::flip_map;
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::time::Instant;
@@ -222,7 +222,7 @@ fn times(pair: &mut Pair, scene: &viewer::Scene, camera: &viewer::Camera, pairs:
     all[3].sort_by(f64::total_cmp);
     let first = below_median(pairs);
     let between = [first, pairs - 1 - first].map(|k| all[3][k]);
-    let [still, moving, posing, ratio] = all.map(|numbers| median(&numbers));
+    let [still, moving, posing, ratio] = all.map(|numbers| median_of(numbers).unwrap_or(0.0));
     Ok(Times { still, moving, posing, ratio, between })
 }
 

@@ -6,6 +6,7 @@ use super::paths::ProofScene;
 use crate::bench::{BenchRow, median_us};
 use crate::peers::PeerInputs;
 use glam::DVec3;
+use mesophyll_base::statistics::median_of;
 use mesophyll_transport::rays::{InstanceForest, Ray, RayHit, TriangleTree};
 use std::hint::black_box;
 
@@ -86,9 +87,7 @@ pub fn bench_rows() -> crate::Result<Vec<BenchRow>> {
         });
     }
     let scene = ProofScene::new(&foliage)?;
-    let mut times = [scene.time(), scene.time(), scene.time()];
-    times.sort_by(f64::total_cmp);
-    let us = times[1];
+    let us = median_of([scene.time(), scene.time(), scene.time()]).unwrap_or(f64::NAN);
     rows.push(BenchRow {
         model: "render".into(),
         knob: "paths".into(),

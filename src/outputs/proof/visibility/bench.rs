@@ -5,6 +5,7 @@ use super::cluster::{EDGE_MM, cluster};
 use crate::Result;
 use crate::bench::{BenchRow, median_us};
 use glam::DVec3;
+use mesophyll_base::statistics::quantile;
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_transport::ReferenceWorld;
 use mesophyll_transport::visibility::{
@@ -221,8 +222,8 @@ fn code(
                 us * 1e5 / receivers.len() as f64
             })
             .collect();
-        times.sort_by(f64::total_cmp);
-        (wrong as f64 / (receivers.len() * sample.len()) as f64, times[times.len() / 2], times[times.len() - 1])
+        let [middle, longest] = [0.5, 1.0].map(|share| quantile(&mut times, share).unwrap_or(f64::NAN));
+        (wrong as f64 / (receivers.len() * sample.len()) as f64, middle, longest)
     };
     let by_runs: Vec<Vec<u8>> = sample.iter().map(|(_, map)| runs::encode(map)).collect();
     let what = match which {

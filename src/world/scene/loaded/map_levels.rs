@@ -1,6 +1,7 @@
 //! The error of uploading a map with a coarser resolution.
 
 use crate::plan::accuracy::AccuracyRow;
+use mesophyll_base::statistics::quantile;
 use std::time::Instant;
 
 /// Displayed error of a map that is uploaded as averages over blocks of 1, 2, 4 … texels. The map is sampled once for
@@ -51,7 +52,7 @@ pub fn map_levels(
         let bytes = (levels[base].width * levels[base].height) as u64 * texel_bytes * 4 / 3;
         rows.push(AccuracyRow {
             setting: 1 << base,
-            error: percentile(&mut errors, 0.99),
+            error: quantile(&mut errors, 0.99).unwrap_or(0.0),
             ms: start.elapsed().as_secs_f64() * 1e3,
             bytes,
         });
@@ -119,14 +120,6 @@ fn box_mean(value: &[f32], width: usize, good: &impl Fn(usize) -> bool, x0: f64,
         }
     }
     (area > 0.0).then(|| sum / area)
-}
-
-fn percentile(values: &mut [f64], share: f64) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    values.sort_by(f64::total_cmp);
-    values[((values.len() - 1) as f64 * share).round() as usize]
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use crate::plan::ScenePlan;
 use crate::plan::leaf::{MapLoss, TRANSLUCENCY_TEXEL_BYTES};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
+use mesophyll_base::statistics::quantile;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fits::leaf_folder::frames;
 use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling};
@@ -173,15 +174,15 @@ fn cost(at: Stand, leaf: LoadedLeaf, s: usize, maps: &TranslucencyCoefficients) 
         .into_par_iter()
         .flat_map_iter(|(sun, level)| texels.iter().filter_map(|k| error(*k, *sun, *level)))
         .collect();
-    errors.sort_by(f64::total_cmp);
-    let Some(mut largest) = errors.last().copied() else { return Ok(none) };
+    let Some(p99) = quantile(&mut errors, 0.99) else { return Ok(none) };
+    let mut largest = errors.iter().copied().max_by(f64::total_cmp).unwrap_or(p99);
     if largest < manifest.tolerated() && stride > 1 {
         let of = |(sun, level): &(DVec3, [f64; 3])| {
             texels.iter().filter_map(|k| error(*k, *sun, *level)).fold(0.0, f64::max)
         };
         largest = suns.par_iter().map(of).reduce(|| 0.0, f64::max);
     }
-    Ok(MapLoss { p99: errors[((errors.len() - 1) as f64 * 0.99).round() as usize], largest, ..none })
+    Ok(MapLoss { p99, largest, ..none })
 }
 
 /// The suns in the leaf's own frame, with the irradiance of each on a surface that faces it. There is one for each

@@ -5,9 +5,10 @@
 
 use crate::manifest::{Error, Result, SceneManifest, SceneSun, SunLocation};
 use glam::DVec3;
+use mesophyll_base::statistics::median_of;
 use mesophyll_files::progress;
 use mesophyll_fits::sky::panorama::disk;
-use mesophyll_fits::sky::panorama::picture::{PanoramaPixel, median};
+use mesophyll_fits::sky::panorama::picture::PanoramaPixel;
 use mesophyll_fits::sky::panorama::projection::PanoramaProjection;
 use mesophyll_transport::environment::Environment;
 use std::f64::consts::PI;
@@ -100,8 +101,8 @@ fn taken_out(map: &Environment) -> std::result::Result<(SceneSun, Environment), 
         .map(|(k, (d, size))| (k, d, size))
         .collect();
     let (inside, ring): (Vec<_>, Vec<_>) = near.into_iter().partition(|(_, d, _)| from(*d) < reach);
-    let around = [0, 1, 2]
-        .map(|c| median(&mut ring.iter().map(|(k, ..)| f64::from(texels[*k][c])).collect::<Vec<_>>()).max(0.0));
+    let around =
+        [0, 1, 2].map(|c| median_of(ring.iter().map(|(k, ..)| f64::from(texels[*k][c]))).unwrap_or(f64::NAN).max(0.0));
     let around = around.map(|v| if v.is_finite() { v } else { 0.0 });
     let mut rest = texels.to_vec();
     let (mut irradiance, mut middle) = ([0.0; 3], DVec3::ZERO);

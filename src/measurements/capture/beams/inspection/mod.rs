@@ -7,8 +7,8 @@ mod photograph;
 
 use super::manifest::{BeamPhotograph, BeamsManifest};
 use super::reader;
-use crate::dome::noise::median;
 use crate::kind::CaptureKind;
+use mesophyll_base::statistics::median_of;
 use mesophyll_optics::side::Side;
 use serde::Serialize;
 use std::path::Path;
@@ -157,12 +157,8 @@ fn noise(m: &BeamsManifest, found: &mut BeamsInspection) {
             .push("the noise is stated as 0: readings are taken as exact, and errors come from the residuals".into());
     }
     let channels = found.photographs.iter().flat_map(|p| p.noise.iter().zip(p.colour));
-    let mut each: Vec<f64> =
-        channels.filter_map(|(sd, level)| Some((*sd)? / (relative * level).hypot(floor))).collect();
-    if each.is_empty() {
-        return;
-    }
-    let ratio = median(&mut each);
+    let each = channels.filter_map(|(sd, level)| Some((*sd)? / (relative * level).hypot(floor)));
+    let Some(ratio) = median_of(each) else { return };
     found.noise_seen_over_stated = Some(ratio);
     // The noise seen is an upper bound, so it can only show that the stated noise is too large.
     if ratio < 0.67 {

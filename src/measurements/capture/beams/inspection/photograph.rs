@@ -1,7 +1,8 @@
 //! One photograph: its brightness, its noise, whether it is clipped, and how much of the leaf it shows.
 
 use crate::beams::manifest::BeamPhotograph;
-use crate::dome::noise::{deviation, quantile};
+use crate::dome::noise::deviation;
+use mesophyll_base::statistics::{median_of, quantile};
 use serde::Serialize;
 
 /// A photograph's readings; 1 is a white sheet that faces the beam. Shares are 0 to 1.
@@ -59,9 +60,8 @@ impl BeamPhotographSummary {
             |test: &dyn Fn(f64) -> bool| all.iter().filter(|v| test(**v)).count() as f64 / all.len().max(1) as f64;
         let (negative_share, above_white_share) = (share(&|v| v < 0.0), share(&|v| v > 1.0));
         let at_the_top = all.iter().filter(|v| **v == highest).count();
-        let [low, median, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut all, q));
-        let each =
-            |c: usize| quantile(&mut channels[c].iter().copied().filter(|v| v.is_finite()).collect::<Vec<_>>(), 0.5);
+        let [low, median, high] = [0.001, 0.5, 0.999].map(|q| quantile(&mut all, q).unwrap_or(0.0));
+        let each = |c: usize| median_of(channels[c].iter().copied().filter(|v| v.is_finite())).unwrap_or(0.0);
         BeamPhotographSummary {
             beam: k + 1,
             file: beam.file.clone(),

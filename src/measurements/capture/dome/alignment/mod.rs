@@ -8,9 +8,10 @@
 //! values is too high. To correct this, more noise is added so that it doubles, and doubles again. The rise of the
 //! highest value tells how much the map's own noise had raised it.
 
-use super::noise::{deviation, median};
+use super::noise::deviation;
 use super::smoothing::{SmoothingKernel, pass, smooth};
 use mesophyll_base::random::RandomStream;
+use mesophyll_base::statistics::{NORMAL_MEDIAN, median_of};
 use serde::Serialize;
 
 /// Widths of smoothing that are tried (texels).
@@ -113,8 +114,8 @@ pub fn plane(values: &[f64], mask: &[bool], width: usize) -> Option<ScanPlane> {
 /// Tukey's weights of the residuals, and the residual from which on the weight is 0; `None` where all residuals are the
 /// same.
 fn biweight(rest: &[f64]) -> Option<(f64, Vec<f64>)> {
-    let middle = median(&mut rest.to_vec());
-    let scale = 4.685 * median(&mut rest.iter().map(|r| (r - middle).abs()).collect::<Vec<_>>()) / 0.674_489_75;
+    let middle = median_of(rest.iter().copied())?;
+    let scale = 4.685 * median_of(rest.iter().map(|r| (r - middle).abs()))? / NORMAL_MEDIAN;
     let weight = |r: &f64| {
         let u = (r - middle) / scale;
         if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 }

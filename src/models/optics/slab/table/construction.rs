@@ -2,8 +2,8 @@
 
 use super::{DELTA_MAX, DELTA_MIN, EXTRAPOLATED, ORDER, Patch, WIDTH, absorbed_at};
 use crate::slab::medium;
+use mesophyll_base::chebyshev;
 use rayon::prelude::*;
-use std::f64::consts::PI;
 
 /// Rows of equal width in ln Δ.
 const ROWS: usize = 19;
@@ -44,7 +44,7 @@ pub(crate) fn matched(omega: f64, absorbed: f64, delta: f64) -> [f64; 2] {
 
 /// Chebyshev interpolation, turned into powers.
 fn fit(source: &Source, low: [f64; 2], high: [f64; 2]) -> Patch {
-    let node = |k: usize| (PI * (k as f64 + 0.5) / ORDER as f64).cos();
+    let node = |k: usize| chebyshev::node(k, ORDER);
     // powers[m][k]: coefficient of x^k in T_m
     let mut powers = [[0.0; ORDER]; ORDER];
     powers[0][0] = 1.0;
@@ -88,7 +88,7 @@ fn worst(source: &Source, patch: &Patch, low: [f64; 2], high: [f64; 2]) -> [f64;
     for i in 0..checks {
         for j in 0..checks {
             // At a node of one direction only the other's error shows.
-            let node = -(PI * ((i * ORDER / checks) as f64 + 0.5) / ORDER as f64).cos();
+            let node = -chebyshev::node(i * ORDER / checks, ORDER);
             let between = -1.0 + 2.0 * j as f64 / (checks - 1) as f64;
             for direction in 0..2 {
                 let (x, y) = if direction == 0 { (node, between) } else { (between, node) };

@@ -256,7 +256,8 @@ pub fn bent(direction: [f64; 3]) -> [f64; 3] {
 }
 
 /// Real harmonic number l(l+1)+m of the tangent-plane azimuth of (x, y), with Legendre functions of t, orthonormal for
-/// the measure dt/2·dφ.
+/// the measure dt/2·dφ. For the hemispherical functions t = 2z − 1 is not the cosine that belongs to (x, y), which the
+/// harmonics of the room `sky` take for granted.
 fn harmonic(index: usize, t: f64, x: f64, y: f64) -> f64 {
     let l = (index as f64).sqrt().floor() as usize;
     let order = index as i64 - (l * (l + 1)) as i64;

@@ -1,8 +1,8 @@
 //! Chebyshev series of several functions at once. A series depends linearly on the values that it is fitted to.
 //! Therefore the series of a derivative is the derivative of the series.
 
+use mesophyll_base::chebyshev;
 use rayon::prelude::*;
-use std::f64::consts::PI;
 
 /// Several functions of a positive number as Chebyshev series over its logarithm.
 #[derive(Debug, Clone)]
@@ -17,13 +17,13 @@ impl<const N: usize> ChebyshevSeries<N> {
     pub fn fit(f: impl Fn(f64) -> [f64; N] + Sync, low: f64, high: f64, count: usize) -> ChebyshevSeries<N> {
         let (middle, half) = (0.5 * (high.ln() + low.ln()), 0.5 * (high.ln() - low.ln()));
         let count = if half > 1e-12 { count } else { 1 };
-        let angle = |k: usize| PI * (k as f64 + 0.5) / count as f64;
         let values: Vec<[f64; N]> =
-            (0..count).into_par_iter().map(|k| f((middle + half * angle(k).cos()).exp())).collect();
+            (0..count).into_par_iter().map(|k| f((middle + half * chebyshev::node(k, count)).exp())).collect();
         let coefficients = (0..count).map(|j| {
             let mut sum = [0.0; N];
             for (k, v) in values.iter().enumerate() {
-                let weight = (j as f64 * angle(k)).cos() * if j == 0 { 1.0 } else { 2.0 } / count as f64;
+                let weight =
+                    (j as f64 * chebyshev::angle(k, count)).cos() * if j == 0 { 1.0 } else { 2.0 } / count as f64;
                 sum.iter_mut().zip(v).for_each(|(s, v)| *s += weight * v);
             }
             sum
@@ -33,11 +33,6 @@ impl<const N: usize> ChebyshevSeries<N> {
 
     pub fn at(&self, x: f64) -> [f64; N] {
         let t = if self.coefficients.len() > 1 { ((x.ln() - self.middle) / self.half).clamp(-1.0, 1.0) } else { 0.0 };
-        let (mut b1, mut b2) = ([0.0; N], [0.0; N]);
-        for c in self.coefficients.iter().skip(1).rev() {
-            let next: [f64; N] = std::array::from_fn(|k| 2.0 * t * b1[k] - b2[k] + c[k]);
-            (b1, b2) = (next, b1);
-        }
-        std::array::from_fn(|k| self.coefficients[0][k] + t * b1[k] - b2[k])
+        chebyshev::sums(&self.coefficients, t)
     }
 }

@@ -26,6 +26,7 @@
 use crate::mechanics::length::AxisPoint;
 use crate::mechanics::load::Load;
 use crate::mechanics::taper::{TERMS, TaperShape, coordinate};
+use mesophyll_base::chebyshev;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::LazyLock;
 
@@ -65,7 +66,7 @@ static RULE: LazyLock<Rule> = LazyLock::new(|| {
         std::array::from_fn(|q| {
             std::array::from_fn(|j| {
                 let column: [f64; NODES] = std::array::from_fn(|k| series[k][j]);
-                clenshaw(&column, points[q].0)[which]
+                sum_and_slope(&column, points[q].0)[which]
             })
         })
     };
@@ -73,15 +74,11 @@ static RULE: LazyLock<Rule> = LazyLock::new(|| {
 });
 
 /// A Chebyshev series on (0, 1) and its slope at `x`.
-fn clenshaw(series: &[f64; NODES], x: f64) -> [f64; 2] {
+fn sum_and_slope(series: &[f64; NODES], x: f64) -> [f64; 2] {
     let z = 2.0 * x - 1.0;
-    let (mut t, mut d) = ([1.0, z], [0.0, 1.0]);
-    let mut sum = [series[0] + series[1] * z, series[1]];
-    for c in &series[2..] {
-        (t, d) = ([t[1], 2.0 * z * t[1] - t[0]], [d[1], 2.0 * t[1] + 2.0 * z * d[1] - d[0]]);
-        sum = [sum[0] + c * t[1], sum[1] + c * d[1]];
-    }
-    [sum[0], 2.0 * sum[1]]
+    let (t, d) = chebyshev::slopes::<NODES>(z);
+    let of = |values: [f64; NODES]| series.iter().zip(values).map(|(c, v)| c * v).sum::<f64>();
+    [of(t), 2.0 * of(d)]
 }
 
 /// (eᶻ − 1)/z.
@@ -261,7 +258,7 @@ impl Elastica {
         let size = (self.ends[k + 1] - self.ends[k]) * x;
         let mut at = self.starts[k];
         for (p, g) in &RULE.points {
-            let theta = clenshaw(&self.series[k], x * p)[0];
+            let theta = sum_and_slope(&self.series[k], x * p)[0];
             let dt = g * size * self.shape.ell * ((self.ends[k] + size * p) * self.shape.ln_alpha).exp();
             at[0] += dt * theta.cos();
             at[1] += dt * theta.sin();
@@ -274,7 +271,7 @@ impl Elastica {
         let k = self.ends[1..self.elements()].iter().filter(|end| **end < y).count();
         let size = self.ends[k + 1] - self.ends[k];
         let x = ((y - self.ends[k]) / size).clamp(0.0, 1.0);
-        let [theta, slope] = clenshaw(&self.series[k], x);
+        let [theta, slope] = sum_and_slope(&self.series[k], x);
         let [along, across] = self.place(k, x);
         let side = 1f64.copysign(self.amplitude);
         let curvature = side * slope / (size * self.shape.ell * (y * self.shape.ln_alpha).exp());
