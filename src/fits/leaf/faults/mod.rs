@@ -197,6 +197,8 @@ fn noise(sample: &TexelSample) -> Option<f64> {
             }
         }
     }
-    let enough = differences.len() >= 1000;
-    median_of(differences).filter(|_| enough).map(|m| m / NORMAL_MEDIAN / std::f64::consts::SQRT_2)
+    if differences.len() < 1000 {
+        return None;
+    }
+    Some(median_of(differences)? / NORMAL_MEDIAN / std::f64::consts::SQRT_2)
 }
