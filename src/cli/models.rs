@@ -1,11 +1,11 @@
 //! The models, one entry for each. `fit`, `eval`, `bench`, `bench --peers` and `stress`, their help texts and the
 //! completions read only this list. `docs/adding.md` says which files a new model has besides its entry.
 
+use crate::cli::peers::PeerScript;
 use crate::cli::{CommonArgs, Error, Result, eval, fit, pictures};
 use clap::{ArgMatches, Command, FromArgMatches};
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_proof::bench::BenchRow;
-use mesophyll_proof::peers::PeerInputs;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
     beam, coverage, foliar, gloss, grass, leaf, motion, nist, peers, render, scene, sky, slab, solver, transfer,
@@ -38,6 +38,9 @@ pub struct ModelVerb {
     run: fn(&ArgMatches, &CommonArgs) -> Result<u8>,
 }
 
+/// Writes pictures into a folder, and names them.
+type PictureWriter = fn(&Path) -> Result<Vec<PathBuf>>;
+
 /// A sweep of a model's accuracy knobs.
 #[derive(Debug, Clone, Copy)]
 pub struct ModelSweep {
@@ -45,9 +48,9 @@ pub struct ModelSweep {
     pub steps: u64,
     pub rows: fn(&TaskProgress) -> Result<Vec<BenchRow>>,
     /// Pictures of the documentation that show the sweep, written into a folder.
-    pub pictures: Option<fn(&Path) -> Result<Vec<PathBuf>>>,
-    /// Other programs that are measured beside it: their script, and what it gets.
-    pub peers: Option<(&'static str, fn() -> Result<PeerInputs>)>,
+    pub pictures: Option<PictureWriter>,
+    /// Other programs that are measured beside it.
+    pub peers: Option<PeerScript>,
 }
 
 /// The verb whose arguments and function `run` are in `fit::NAME` or `eval::NAME`.
@@ -87,7 +90,7 @@ pub const MODELS: [ModelEntry; 26] = [
     ModelEntry {
         name: "solve",
         bench: Some(ModelSweep {
-            peers: Some((include_str!("../../tests/peers/nist_peers.py"), peers::nist)),
+            peers: Some(PeerScript { text: include_str!("../../tests/peers/nist_peers.py"), inputs: peers::nist }),
             ..sweep!(nist::bench_rows)
         }),
         stress: Some(|| Ok(solver::stress())),
@@ -99,7 +102,10 @@ pub const MODELS: [ModelEntry; 26] = [
         fit: verb!(fit::slab, "σa and σs of a slab from its reflectance, transmittance and thickness, from CSV"),
         eval: verb!(eval::slab, "ρd and ρt of a slab from ω and Δ"),
         bench: Some(ModelSweep {
-            peers: Some((include_str!("../../tests/peers/slab_peers.py"), || Ok(peers::slab()))),
+            peers: Some(PeerScript {
+                text: include_str!("../../tests/peers/slab_peers.py"),
+                inputs: || Ok(peers::slab()),
+            }),
             ..sweep!(slab::bench::bench_rows)
         }),
         stress: Some(|| Ok(slab::stress::stress_cases())),
@@ -114,7 +120,7 @@ pub const MODELS: [ModelEntry; 26] = [
         fit: verb!(fit::gloss, "Gloss traces of a linear light source, or goniometer samples, from CSV"),
         eval: verb!(eval::gloss, "Traces of a linear light source over a glossy texel"),
         bench: Some(ModelSweep {
-            peers: Some((include_str!("../../tests/peers/gloss_peers.py"), peers::gloss)),
+            peers: Some(PeerScript { text: include_str!("../../tests/peers/gloss_peers.py"), inputs: peers::gloss }),
             ..sweep!(gloss::bench::bench_rows)
         }),
         stress: Some(|| Ok(gloss::stress::rows())),
@@ -200,7 +206,10 @@ pub const MODELS: [ModelEntry; 26] = [
             steps: pictures::FOLIAGE,
             rows: pictures::foliage,
             pictures: None,
-            peers: Some((include_str!("../../tests/peers/render_peers.py"), render::bench::peers)),
+            peers: Some(PeerScript {
+                text: include_str!("../../tests/peers/render_peers.py"),
+                inputs: render::bench::peers,
+            }),
         }),
         ..NONE
     },
@@ -253,7 +262,10 @@ pub const MODELS: [ModelEntry; 26] = [
         eval: verb!(eval::abm, "Light reflected, absorbed and let through by the layers of a leaf, by rays or exactly"),
         bench: Some(ModelSweep {
             pictures: Some(foliar::charts::pictures),
-            peers: Some((include_str!("../../tests/peers/foliar_peers.py"), foliar::peers::inputs)),
+            peers: Some(PeerScript {
+                text: include_str!("../../tests/peers/foliar_peers.py"),
+                inputs: foliar::peers::inputs,
+            }),
             ..sweep!(foliar::bench::rows)
         }),
         ..NONE

@@ -9,6 +9,15 @@ use serde::Deserialize;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 
+/// Other programs that are measured beside a sweep.
+#[derive(Debug, Clone, Copy)]
+pub struct PeerScript {
+    /// The text of their Python script.
+    pub text: &'static str,
+    /// What it gets.
+    pub inputs: fn() -> Result<PeerInputs>,
+}
+
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 enum Line {
@@ -24,8 +33,8 @@ enum Line {
 /// # Errors
 /// [`Error::Write`] where the inputs cannot be put into a temporary folder. A missing or failing peer is a message,
 /// never an error.
-pub fn rows(sweep: &str, peers: Option<(&str, fn() -> Result<PeerInputs>)>) -> Result<Vec<BenchRow>> {
-    let Some((script, inputs)) = peers else {
+pub fn rows(sweep: &str, peers: Option<PeerScript>) -> Result<Vec<BenchRow>> {
+    let Some(PeerScript { text: script, inputs }) = peers else {
         progress::say(format!("peers of {sweep}: none to run"));
         return Ok(Vec::new());
     };

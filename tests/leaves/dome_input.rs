@@ -125,7 +125,9 @@ fn what_is_wrong_is_named_by_file_and_field() {
         let text = std::fs::read_to_string(patch.join("capture.toml")).unwrap();
         text.lines().find(|l| l.starts_with("thickness_max_mm")).unwrap().to_string()
     };
-    let cases: [(&dyn Fn(&Path), &str); 16] = [
+    // What is done to the capture, and what is then said.
+    type Case<'a> = (&'a dyn Fn(&Path), &'a str);
+    let cases: [Case; 16] = [
         (&|f| std::fs::remove_file(f.join("front/height.exr")).unwrap(), "front/height.exr: no such file or folder"),
         (&|f| std::fs::remove_file(f.join("white.exr")).unwrap(), "white.exr: no such file or folder"),
         (

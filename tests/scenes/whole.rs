@@ -126,7 +126,8 @@ fn needed_fits_change_the_whole_scene_and_others_leave_it_alone() {
     }
     // What this scene asks the program to fit: translucency maps, light between leaves, the motion of branches.
     fresh();
-    let left_out: [(&str, fn(String) -> String); 4] = [
+    type Change = fn(String) -> String;
+    let left_out: [(&str, Change); 4] = [
         ("translucency", |t| t.replace("translucency = { fit = \"../../fits/elm-translucency\" }\n", "")),
         ("light between leaves", |t| t.replace("[transfer]\npaths = 256\n", "")),
         ("flutter", |t| t.replace("flutter = { deg_per_m_s = 4 }\n", "")),

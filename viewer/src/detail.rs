@@ -15,6 +15,24 @@ const TEXELS: f32 = 0.25;
 /// The same for what moves, whose shadow maps are drawn for each picture. It is as much as the maps' filter blurs.
 const TEXELS_MOVING: f32 = 1.0;
 
+/// What the vertex stage reads of each instance at rest.
+pub(crate) struct InstanceInputs {
+    /// The rows of its transform.
+    pub rows: Vec<[[f32; 4]; 3]>,
+    /// The section that carries it (`passes::bend`).
+    pub rides: Vec<Carrier>,
+    /// The first row of light that arrives at it, and the first of its shares of the sun ([`begin`]).
+    pub begins: Vec<[u32; 2]>,
+}
+
+/// A ball around an instance at rest, and the instance's scale.
+#[derive(Clone, Copy)]
+struct InstanceBall {
+    centre: Vec3,
+    radius: f32,
+    scale: f32,
+}
+
 /// The levels of a mesh, of which the mesh itself is the first, and the level of each instance.
 pub(crate) struct Levels {
     /// Range of indices, and largest distance of the level from the mesh (units of the mesh).
@@ -23,12 +41,10 @@ pub(crate) struct Levels {
     lit: usize,
     /// A ball around the mesh.
     ball: (Vec3, f32),
-    /// A ball around each instance at rest: centre, radius, and the instance's scale.
-    spheres: Vec<(Vec3, f32, f32)>,
-    /// The rows of each instance's transform at rest, and the section that carries it (`passes::bend`).
-    rows: Vec<[[f32; 4]; 3]>,
-    rides: Vec<Carrier>,
-    begins: Vec<[u32; 2]>,
+    /// A ball around each instance at rest.
+    spheres: Vec<InstanceBall>,
+    /// What the vertex stage reads of each instance, in the order of the scene.
+    inputs: InstanceInputs,
     /// The largest scale, and whether something moves an instance. A frame must not look through all instances for
     /// these.
     largest: f32,
@@ -81,7 +97,7 @@ impl Levels {
     pub(crate) fn new(
         mesh: &Mesh,
         instances: &[Instance],
-        (rows, rides, begins): (Vec<[[f32; 4]; 3]>, Vec<Carrier>, Vec<[u32; 2]>),
+        inputs: InstanceInputs,
         reach: Vec<(Vec3, f32)>,
         leaves: bool,
         in_full: bool,
@@ -95,20 +111,18 @@ impl Levels {
         let (centre, radius) = crate::geometry::ball(&mesh.positions);
         let sphere = |instance: &Instance| {
             let scale = instance.transform.x_axis.truncate().length();
-            (instance.transform.transform_point3(centre), radius * scale, scale)
+            InstanceBall { centre: instance.transform.transform_point3(centre), radius: radius * scale, scale }
         };
         let n = instances.len();
-        let spheres: Vec<(Vec3, f32, f32)> = instances.iter().map(sphere).collect();
+        let spheres: Vec<InstanceBall> = instances.iter().map(sphere).collect();
         Levels {
-            largest: spheres.iter().map(|s| s.2).fold(0.0, f32::max),
+            largest: spheres.iter().map(|s| s.scale).fold(0.0, f32::max),
             moves: instances.iter().any(|i| i.carried.is_some()),
             lit: levels.len() - outlines,
             levels,
             ball: (centre, radius),
             spheres,
-            rows,
-            rides,
-            begins,
+            inputs,
             still: instances.iter().map(|i| i.carried.is_none()).collect(),
             reach,
             ranks: if leaves && n >= MANY && !in_full { ranks(n) } else { Vec::new() },
@@ -122,13 +136,13 @@ impl Levels {
 
     /// The ball of an instance that is drawn `size` times as large.
     fn ball(&self, k: usize, size: f32) -> (Vec3, f32) {
-        let (centre, radius, _) = self.spheres[k];
+        let InstanceBall { centre, radius, .. } = self.spheres[k];
         (centre, size * radius)
     }
 
     /// The rows of an instance that is drawn `size` times as large.
     fn larger(&self, k: usize, size: f32) -> [[f32; 4]; 3] {
-        larger(&self.rows[k], self.ball.0, size)
+        larger(&self.inputs.rows[k], self.ball.0, size)
     }
 
     /// The levels that may be lit: range of indices, and largest distance from the mesh.
@@ -145,11 +159,11 @@ impl Levels {
     /// one does, and the instance's scale.
     pub(crate) fn balls(&self) -> Vec<[f32; 4]> {
         let c = self.ball.0.extend(1.0);
-        let one = |((rows, sphere), still): ((&[[f32; 4]; 3], &(Vec3, f32, f32)), &bool)| {
+        let one = |((rows, sphere), still): ((&[[f32; 4]; 3], &InstanceBall), &bool)| {
             let from_point = || Vec3::from(rows.map(|row| glam::Vec4::from_array(row).dot(c)));
-            (if *still { sphere.0 } else { from_point() }).extend(sphere.2).to_array()
+            (if *still { sphere.centre } else { from_point() }).extend(sphere.scale).to_array()
         };
-        self.rows.iter().zip(&self.spheres).zip(&self.still).map(one).collect()
+        self.inputs.rows.iter().zip(&self.spheres).zip(&self.still).map(one).collect()
     }
 
     /// Centre and radius of a ball around the mesh.
@@ -191,7 +205,7 @@ impl Levels {
         if self.ranks.is_empty() || self.thinned.as_ref().is_some_and(|t| t.texel == texel) {
             return;
         }
-        let size = |(rank, sphere): (&f32, &(Vec3, f32, f32))| enlarged(2.0 * sphere.1 / texel.max(1e-30), *rank);
+        let size = |(rank, sphere): (&f32, &InstanceBall)| enlarged(2.0 * sphere.radius / texel.max(1e-30), *rank);
         let sizes: Vec<f32> = self.ranks.iter().zip(&self.spheres).map(size).collect();
         self.thinned = None;
         if sizes.iter().all(|size| *size == 1.0) {
@@ -199,7 +213,7 @@ impl Levels {
         }
         let kept: Vec<usize> = (0..sizes.len()).filter(|k| sizes[*k] > 0.0).collect();
         let rows: Vec<[[f32; 4]; 3]> = kept.iter().map(|k| self.larger(*k, sizes[*k])).collect();
-        let rides: Vec<Carrier> = kept.iter().map(|k| self.rides[*k]).collect();
+        let rides: Vec<Carrier> = kept.iter().map(|k| self.inputs.rides[*k]).collect();
         let put = |label: &str, bytes: &[u8]| {
             // No buffer is empty.
             gpu.buffer(
@@ -231,7 +245,7 @@ impl Levels {
             .iter()
             .zip(&self.spheres)
             .zip(&self.sizes)
-            .map(|((level, s), size)| self.levels[*level as usize].1 * s.2 * size)
+            .map(|((level, s), size)| self.levels[*level as usize].1 * s.scale * size)
             .fold(0.0, f32::max);
         drawn + self.in_maps(texel).1
     }
@@ -257,13 +271,13 @@ impl Levels {
         begins: Option<&wgpu::Buffer>,
     ) {
         let away = !self.reach.is_empty() && !self.reach.iter().any(|(centre, radius)| seen.shows(*centre, *radius));
-        let size = |(k, (centre, radius, _)): (usize, &(Vec3, f32, f32))| {
+        let size = |(k, InstanceBall { centre, radius, .. }): (usize, &InstanceBall)| {
             let size = self.ranks.get(k).map_or(1.0, |rank| seen.enlarged(*rank, *centre, *radius));
             let (centre, radius) = self.ball(k, size);
             if away || (self.still[k] && !seen.shows(centre, radius)) { 0.0 } else { size }
         };
         let sizes: Vec<f32> = self.spheres.iter().enumerate().map(size).collect();
-        let choose = |(k, ((_, _, scale), size)): (usize, (&(Vec3, f32, f32), &f32))| {
+        let choose = |(k, (InstanceBall { scale, .. }, size)): (usize, (&InstanceBall, &f32))| {
             let (centre, radius) = self.ball(k, *size);
             let most = PIXELS * seen.pixel * (seen.eye.distance(centre) - radius);
             (0..self.lit).rev().find(|k| self.levels[*k].1 * scale * size <= most).unwrap_or(0) as u8
@@ -275,9 +289,9 @@ impl Levels {
         let mut order: Vec<usize> = (0..chosen.len()).collect();
         order.sort_by_key(|i| (sizes[*i] == 0.0, chosen[*i]));
         let drawn = order.partition_point(|i| sizes[*i] > 0.0);
-        rewrite(gpu, Some(instances), &self.rows, &order);
-        rewrite(gpu, rides, &self.rides, &order);
-        rewrite(gpu, begins, &self.begins, &order);
+        rewrite(gpu, Some(instances), &self.inputs.rows, &order);
+        rewrite(gpu, rides, &self.inputs.rides, &order);
+        rewrite(gpu, begins, &self.inputs.begins, &order);
         self.runs.clear();
         for level in 0..self.levels.len() {
             let first = order[..drawn].partition_point(|i| usize::from(chosen[*i]) < level) as u32;
@@ -298,10 +312,10 @@ impl Levels {
         rides: Option<&wgpu::Buffer>,
         begins: Option<&wgpu::Buffer>,
     ) {
-        let order: Vec<usize> = (0..self.rows.len()).collect();
-        rewrite(gpu, Some(instances), &self.rows, &order);
-        rewrite(gpu, rides, &self.rides, &order);
-        rewrite(gpu, begins, &self.begins, &order);
+        let order: Vec<usize> = (0..self.inputs.rows.len()).collect();
+        rewrite(gpu, Some(instances), &self.inputs.rows, &order);
+        rewrite(gpu, rides, &self.inputs.rides, &order);
+        rewrite(gpu, begins, &self.inputs.begins, &order);
         self.chosen.fill(0);
         self.sizes.fill(1.0);
         (self.enlarged, self.runs) = (None, vec![(0, 0..self.chosen.len() as u32)]);
@@ -309,7 +323,7 @@ impl Levels {
 
     /// The level and the rows of each instance that is drawn, as the CPU has chosen, in the order of the draws.
     pub(crate) fn drawn(&self) -> Vec<(usize, [[f32; 4]; 3])> {
-        let mut order: Vec<usize> = (0..self.rows.len()).filter(|k| self.sizes[*k] > 0.0).collect();
+        let mut order: Vec<usize> = (0..self.inputs.rows.len()).filter(|k| self.sizes[*k] > 0.0).collect();
         order.sort_by_key(|k| self.chosen[*k]);
         order.iter().map(|k| (usize::from(self.chosen[*k]), self.larger(*k, self.sizes[*k]))).collect()
     }

@@ -2,7 +2,7 @@
 //! shader reads is never uploaded; only a vertex's section comes with its position. A mesh in a material needs one
 //! instanced draw for each level of detail, however often the two occur.
 
-use crate::detail::{self, Levels};
+use crate::detail::{self, InstanceInputs, Levels};
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, BendPass, Carrier, Ride};
 use crate::passes::bounds::reach;
@@ -169,7 +169,7 @@ impl Batch {
                 levels: Levels::new(
                     &scene.meshes[mesh],
                     &instances,
-                    (rows, rides, begins),
+                    InstanceInputs { rows, rides, begins },
                     trunks,
                     variant.leaf().is_some(),
                     scene.in_full,

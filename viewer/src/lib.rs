@@ -55,6 +55,7 @@ pub use picture::save_png;
 #[doc(hidden)]
 pub use pollster;
 pub use renderer::Renderer;
+pub use renderer::measure::DrawnInstance;
 pub use stats::{RenderStatistics, Upload};
 pub use timing::FrameTiming;
 #[doc(hidden)]

@@ -268,6 +268,7 @@ impl Upload<'_> {
 impl MaterialOnGpu {
     /// Uploads those parts of material `index` that `variant` reads. Textures that `before`, the same material before
     /// an edit, already has are kept.
+    #[expect(clippy::too_many_arguments, reason = "the material and the caches of its uploads have different owners")]
     pub(crate) fn new(
         gpu: &Gpu,
         index: usize,

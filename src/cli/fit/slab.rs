@@ -1,7 +1,7 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
 use super::slab_columns::{column_names, wavelengths};
-use super::slab_pictures;
+use super::slab_pictures::{self, PlottedRow};
 use super::spectra::{self, LEAF, ReadingUnit};
 use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
 use crate::cli::names::named;
@@ -208,7 +208,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         }
         atomic::probe_folder(folder)?;
     }
-    let found: Mutex<Vec<(usize, String, f64, Vec<f64>)>> = Mutex::default();
+    let found: Mutex<Vec<PlottedRow>> = Mutex::default();
     let column = names[2].clone();
     let unit = thickness_unit(&column, args.thickness_unit)?;
     let scale = unit.unwrap_or(LengthUnit::Millimetre).mm();
@@ -255,7 +255,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
             }
             if args.plots.is_some() && !answer.values.is_empty() {
                 let leaf = row.text(0).unwrap_or_default().to_string();
-                let point = (row.number(), leaf, wavelength, answer.values.clone());
+                let point = PlottedRow { number: row.number(), leaf, wavelength, values: answer.values.clone() };
                 found.lock().unwrap_or_else(PoisonError::into_inner).push(point);
             }
             answer

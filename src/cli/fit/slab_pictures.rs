@@ -3,22 +3,31 @@
 use mesophyll_report::spectrum::{self, SpectrumLine, SpectrumPanel};
 use std::collections::HashMap;
 
-/// One picture for each leaf, in order of first appearance. The rows may be in any order; each has its number, leaf,
-/// wavelength and answer.
-pub fn panels(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec<SpectrumPanel>)> {
-    rows.sort_by_key(|r| r.0);
-    let mut leaves: Vec<(String, Vec<(f64, Vec<f64>)>)> = Vec::new();
+/// A row with an answer, for the picture of its leaf.
+pub struct PlottedRow {
+    pub number: usize,
+    pub leaf: String,
+    /// Wavelength (nm); NaN where it is not known.
+    pub wavelength: f64,
+    /// The answer: σa, σs and their errors.
+    pub values: Vec<f64>,
+}
+
+/// One picture for each leaf, in order of first appearance. The rows may be in any order.
+pub fn panels(mut rows: Vec<PlottedRow>) -> Vec<(String, Vec<SpectrumPanel>)> {
+    rows.sort_by_key(|r| r.number);
+    let mut leaves: Vec<(String, Vec<PlottedRow>)> = Vec::new();
     let mut places = HashMap::new();
-    for (_, leaf, wavelength, values) in rows {
-        let place = *places.entry(leaf.clone()).or_insert_with(|| {
-            leaves.push((leaf, Vec::new()));
+    for row in rows {
+        let place = *places.entry(row.leaf.clone()).or_insert_with(|| {
+            leaves.push((row.leaf.clone(), Vec::new()));
             leaves.len() - 1
         });
-        leaves[place].1.push((wavelength, values));
+        leaves[place].1.push(row);
     }
-    let panels = |(leaf, mut points): (String, Vec<(f64, Vec<f64>)>)| {
-        points.retain(|p| p.0.is_finite());
-        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let panels = |(leaf, mut points): (String, Vec<PlottedRow>)| {
+        points.retain(|p| p.wavelength.is_finite());
+        points.sort_by(|a, b| a.wavelength.total_cmp(&b.wavelength));
         let panel = |k: usize, name: &str, word: &str| SpectrumPanel {
             title: format!("{leaf}: {word}"),
             across: spectrum::WAVELENGTH.into(),
@@ -26,7 +35,7 @@ pub fn panels(mut rows: Vec<(usize, String, f64, Vec<f64>)>) -> Vec<(String, Vec
             logarithmic: true,
             lines: vec![SpectrumLine {
                 name: name.into(),
-                points: points.iter().map(|(w, v)| [*w, v[k], v[k + 2]]).collect(),
+                points: points.iter().map(|p| [p.wavelength, p.values[k], p.values[k + 2]]).collect(),
                 dots: false,
             }],
         };

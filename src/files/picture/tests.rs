@@ -7,8 +7,11 @@ use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage};
 use std::path::PathBuf;
 
-/// A part: its name, its size, the place of its first pixel, and its channels with the value of pixel k.
-type Part<'a> = (&'a str, [usize; 2], [i32; 2], &'a [(&'a str, fn(usize) -> f32)]);
+/// A channel: its name, and the value of pixel k.
+type Channel<'a> = (&'a str, fn(usize) -> f32);
+
+/// A part: its name, its size, the place of its first pixel, and its channels.
+type Part<'a> = (&'a str, [usize; 2], [i32; 2], &'a [Channel<'a>]);
 
 /// Writes an EXR file whose display window begins at `from` and has `display` columns and rows.
 fn write(path: &Path, from: [i32; 2], display: [usize; 2], stated: Option<&Primaries>, parts: &[Part]) {
@@ -32,7 +35,7 @@ fn write(path: &Path, from: [i32; 2], display: [usize; 2], stated: Option<&Prima
     Image::from_layers(attributes, layers).write().non_parallel().to_file(path).unwrap();
 }
 
-const PLAIN: [(&str, fn(usize) -> f32); 3] = [("R", |k| k as f32), ("G", |k| 2.0 * k as f32), ("B", |_| 0.5)];
+const PLAIN: [Channel; 3] = [("R", |k| k as f32), ("G", |k| 2.0 * k as f32), ("B", |_| 0.5)];
 
 fn at(name: &str) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
@@ -67,12 +70,12 @@ fn a_picture_stored_in_part_is_padded_and_one_beyond_its_window_is_cut() {
 #[test]
 fn colours_are_found_in_a_later_part_or_layer() {
     let (_dir, path) = at("parts.exr");
-    let depth: [(&str, fn(usize) -> f32); 1] = [("Z", |_| 9.0)];
+    let depth: [Channel; 1] = [("Z", |_| 9.0)];
     write(&path, [0, 0], [3, 2], None, &[("depth", [3, 2], [0, 0], &depth), ("beauty", [3, 2], [0, 0], &PLAIN)]);
     let LinearPicture { maps, said } = colours(&path).unwrap();
     assert_eq!(maps.get("G").unwrap(), [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
     assert_eq!(said, ["R, G, B are those of part 2 (\"beauty\")"]);
-    let layer: [(&str, fn(usize) -> f32); 5] =
+    let layer: [Channel; 5] =
         [("sky.R", |_| 1.0), ("sky.G", |_| 2.0), ("sky.B", |_| 3.0), ("sky.A", |_| 0.25), ("Z", |_| 9.0)];
     write(&path, [0, 0], [3, 2], None, &[("", [3, 2], [0, 0], &layer)]);
     let all = read(&path, &PictureRequest { names: &RGB, all: true, outside: 0.0 }, |_, _| Ok(())).unwrap();
@@ -80,7 +83,7 @@ fn colours_are_found_in_a_later_part_or_layer() {
     assert_eq!(names, ["R", "G", "B", "Z", "A"]);
     assert!(all.maps.get("B").unwrap()[0] == 3.0 && all.maps.get("A").unwrap()[5] == 0.25);
     assert!(all.said[0].contains("layer \"sky\""), "{:?}", all.said);
-    let two: [(&str, fn(usize) -> f32); 6] =
+    let two: [Channel; 6] =
         [("a.R", |_| 1.0), ("a.G", |_| 1.0), ("a.B", |_| 1.0), ("b.R", |_| 2.0), ("b.G", |_| 2.0), ("b.B", |_| 2.0)];
     write(&path, [0, 0], [3, 2], None, &[("", [3, 2], [0, 0], &two)]);
     let sentence = colours(&path).unwrap_err().to_string();
@@ -94,7 +97,7 @@ fn colours_are_found_in_a_later_part_or_layer() {
 #[test]
 fn stated_chromaticities_change_the_colours() {
     let (_dir, path) = at("xyz.exr");
-    let xyz: [(&str, fn(usize) -> f32); 3] = [("R", |_| 1.217_8), ("G", |_| 1.679_1), ("B", |_| 0.732_9)];
+    let xyz: [Channel; 3] = [("R", |_| 1.217_8), ("G", |_| 1.679_1), ("B", |_| 0.732_9)];
     let stated = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0 / 3.0, 1.0 / 3.0]];
     write(&path, [0, 0], [2, 1], Some(&stated), &[("", [2, 1], [0, 0], &xyz)]);
     let LinearPicture { maps, said } = colours(&path).unwrap();
@@ -102,7 +105,7 @@ fn stated_chromaticities_change_the_colours() {
         assert!((maps.get(name).unwrap()[1] - want).abs() < 2e-3, "{name}: {:?}", maps.get(name));
     }
     assert_eq!(said, ["its colours are in CIE XYZ and were changed to linear sRGB"]);
-    let white: [(&str, fn(usize) -> f32); 3] = [("R", |_| 3.0), ("G", |_| 3.0), ("B", |_| 3.0)];
+    let white: [Channel; 3] = [("R", |_| 3.0), ("G", |_| 3.0), ("B", |_| 3.0)];
     let ap0 = [[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077], [0.321_68, 0.337_67]];
     write(&path, [0, 0], [2, 1], Some(&ap0), &[("", [2, 1], [0, 0], &white)]);
     let LinearPicture { maps, said } = colours(&path).unwrap();

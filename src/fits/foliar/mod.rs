@@ -228,6 +228,8 @@ impl FoliarFitModel {
         sigma: &'a [f64],
         known: &'a FoliarFitConstants,
     ) -> impl Problem + 'a {
+        // Parameters, and what was computed for them.
+        type Computed = (Vec<f64>, Vec<[surface::FoliarSensitivity; 2]>);
         let (n, m) = (self.free.len(), readings.len());
         // For each reading, which of the computed values belongs to it.
         let mut place = Vec::with_capacity(m);
@@ -236,7 +238,7 @@ impl FoliarFitModel {
             place.push(before + usize::from(k > 0 && readings[k - 1].light != r.light));
         }
         let place = Rc::new(place);
-        let last: Rc<RefCell<(Vec<f64>, Vec<[surface::FoliarSensitivity; 2]>)>> = Rc::default();
+        let last: Rc<RefCell<Computed>> = Rc::default();
         let (places, recent) = (place.clone(), last.clone());
         let update = move |params: &[f64]| {
             let mut recent = recent.borrow_mut();

@@ -11,7 +11,7 @@ use crate::leaf::noise::CameraNoise;
 use crate::leaf::outliers;
 use crate::leaf::paper::{self, PaperReduction};
 use crate::leaf::side::SideTransmittance;
-use crate::leaf::slabmaps::{SigmaEstimate, SlabInverter};
+use crate::leaf::slabmaps::{FittedReading, SigmaEstimate, SlabInverter};
 use crate::leaf::{LeafFitMethod, Options};
 use crate::record::FitTimes;
 use mesophyll_base::solvers::Termination;
@@ -147,7 +147,8 @@ pub fn fit(
     let unexplained = indeterminacy::unexplained(&maps, &at, level);
     let gauge = manifest.thickness_err_mm.unwrap_or(0.0) / h;
     let (mut sigma_a, mut sigma_s, mut rel_a, mut rel_s, termination);
-    let (thickness, thickness_err, gamma, gamma_err): (Vec<f64>, Vec<f64>, Vec<[f64; 3]>, Vec<[f64; 3]>);
+    let (thickness, thickness_err): (Vec<f64>, Vec<f64>);
+    let (gamma, gamma_err): (Vec<[f64; 3]>, Vec<[f64; 3]>);
     match options.method {
         LeafFitMethod::Exact => {
             let relative = |k: usize| (wide.covariance[(k, k)] + gauge * gauge).sqrt();
@@ -213,7 +214,9 @@ pub fn fit(
     let own = |k: usize| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h };
     let pigment = |(k, x): (usize, &LeafWideTexel)| {
         [0, 1, 2].map(|c: usize| {
-            inverter.invert_fitted(x.rho_d[c], x.rho_t[c], own(k), error(x, c), x.covariance[c], &wide.locals[k], c)
+            let reading =
+                FittedReading { rho_d: x.rho_d[c], rho_t: x.rho_t[c], error: error(x, c), covariance: x.covariance[c] };
+            inverter.invert_fitted(reading, own(k), &wide.locals[k], c)
         })
     };
     let sigma: Vec<[SigmaEstimate; 3]> = texels.par_iter().enumerate().map(pigment).collect();

@@ -70,7 +70,7 @@ pub fn level(capture: &TubeCapture, splits: &FrameSplits) -> Result<CameraNoise>
     let (relative, floor) = match stated {
         Some(both) => both,
         None => {
-            let (relative, floor) = estimate(&sample(capture, splits)?.1);
+            let (relative, floor) = estimate(&sample(capture, splits)?.traces);
             (m.noise_relative.unwrap_or(relative), m.noise_floor.map_or(floor, |f| f / median_gain))
         }
     };
@@ -88,7 +88,7 @@ pub fn level(capture: &TubeCapture, splits: &FrameSplits) -> Result<CameraNoise>
     let mut level =
         CameraNoise { relative, floor, median_gain, lightbox, dark, estimated: stated.is_none(), seen: None };
     if !level.estimated {
-        let (texels, traces) = sample(capture, splits)?;
+        let SampledTraces { texels, traces } = sample(capture, splits)?;
         level.seen = roughness_of_traces(&traces, &level.readings(capture, &texels));
     }
     Ok(level)
@@ -149,9 +149,15 @@ fn roughness_of_traces(traces: &[Vec<f64>], noise: &[ReadingNoise]) -> Option<f6
     Some(median(&mut all)? / NORMAL_MEDIAN)
 }
 
-/// Traces of texels across the middle rows, with NaN in the frames that the fit leaves out. Returns the texels, and the
-/// three channels of each in turn.
-fn sample(capture: &TubeCapture, splits: &FrameSplits) -> Result<(Vec<[u32; 2]>, Vec<Vec<f64>>)> {
+/// Traces of some texels.
+struct SampledTraces {
+    texels: Vec<[u32; 2]>,
+    /// The three channels of each texel in turn.
+    traces: Vec<Vec<f64>>,
+}
+
+/// Traces of texels across the middle rows, with NaN in the frames that the fit leaves out.
+fn sample(capture: &TubeCapture, splits: &FrameSplits) -> Result<SampledTraces> {
     let m = &capture.manifest;
     let rows = m.height / 2..(m.height / 2 + 2).min(m.height);
     let step = (m.width / 200).max(1);
@@ -164,7 +170,7 @@ fn sample(capture: &TubeCapture, splits: &FrameSplits) -> Result<(Vec<[u32; 2]>,
         all
     };
     let traces = (0..texels.len()).flat_map(|n| [0, 1, 2].map(|c: usize| trace(n, c))).collect();
-    Ok((texels, traces))
+    Ok(SampledTraces { texels, traces })
 }
 
 /// Fits variance = (r·value)² + f² to third differences. On a smooth trace these are only noise: a third difference of

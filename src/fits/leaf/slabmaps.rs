@@ -20,6 +20,17 @@ pub struct SigmaEstimate {
 
 const UNKNOWN: SigmaEstimate = SigmaEstimate { value: [f64::NAN; 2], error: [f64::NAN; 2] };
 
+/// What was measured of one texel and channel whose thickness was found from its own ρt.
+#[derive(Debug, Clone, Copy)]
+pub struct FittedReading {
+    pub rho_d: f64,
+    pub rho_t: f64,
+    /// Standard errors of (ρd, ρt).
+    pub error: [f64; 2],
+    /// Covariance of the two.
+    pub covariance: f64,
+}
+
 /// Inverts slabs whose transmittance was measured at one incidence.
 #[derive(Debug)]
 pub struct SlabInverter {
@@ -31,22 +42,19 @@ impl SlabInverter {
         SlabInverter { oblique: (incidence.0 != 1.0).then(|| Oblique::new(incidence.0)) }
     }
 
-    /// σ of one texel and channel `c` whose thickness was found from its own ρt. `error` holds the standard errors of
-    /// (ρd, ρt), `covariance` the covariance of the two.
+    /// σ of one texel and channel `c` whose thickness was found from its own ρt.
     ///
     /// The thickness t changes with the ρt of all three channels: d ln t = Σ pull · dρt. At fixed ρd and ρt the optical
     /// depths σa·t and σs·t are fixed, so dσ = ∂σ/∂ρd · dρd + ∂σ/∂ρt · dρt − σ · d ln t. The two contributions of this
     /// channel's ρt nearly cancel in σa, so they are added before they are squared.
     pub fn invert_fitted(
         &self,
-        rho_d: f64,
-        rho_t: f64,
+        reading: FittedReading,
         thickness: f64,
-        error: [f64; 2],
-        covariance: f64,
         local: &TexelInterior,
         c: usize,
     ) -> SigmaEstimate {
+        let FittedReading { rho_d, rho_t, error, covariance } = reading;
         let found = self.invert(rho_d, rho_t, thickness, error);
         let inverse = self.jacobian(found.value, thickness).try_inverse();
         // Where ρd and ρt alone bound nothing, a thickness does not help.

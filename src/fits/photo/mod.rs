@@ -12,7 +12,7 @@ use crate::leaf::interior::start;
 use crate::leaf::leaf_wide::{self, LeafSharedErrors, LeafWideFit, LeafWideSettings, LeafWideTexel};
 use crate::leaf::outliers;
 use crate::leaf::sides::{InteriorEstimates, widen};
-use crate::leaf::slabmaps::{SigmaEstimate, SlabInverter};
+use crate::leaf::slabmaps::{FittedReading, SigmaEstimate, SlabInverter};
 use crate::record::FitKind;
 use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::{Error, Result};
@@ -151,7 +151,8 @@ fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: 
             let (x, local) = (&texels[k], &wide.locals[k]);
             [0, 1, 2].map(|c: usize| {
                 let error = [x.rho_d_err[c], x.rho_t_floor[c]];
-                let own = inverter.invert_fitted(x.rho_d[c], x.rho_t[c], local.thickness, error, 0.0, local, c);
+                let reading = FittedReading { rho_d: x.rho_d[c], rho_t: x.rho_t[c], error, covariance: 0.0 };
+                let own = inverter.invert_fitted(reading, local.thickness, local, c);
                 // What all texels share moves this one as well. It does not move its thickness, whose mean is stated.
                 let shared = [seen.shared[c].hypot(seen.alike * x.rho_d[c]), seen.rho_t_shared[c] * x.rho_t[c]];
                 let shared = inverter.invert(x.rho_d[c], x.rho_t[c], local.thickness, shared);

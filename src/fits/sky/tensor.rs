@@ -135,8 +135,10 @@ fn by_integration(
     turbidities: &[f64],
     bands: usize,
 ) -> (Result<Vec<Column>, String>, usize) {
+    // Evaluations of the model, and the coefficients for each turbidity.
+    type Row = (usize, Vec<Vec<f64>>);
     let size = bands * (bands + 1) / 2;
-    let rows: Vec<Result<(usize, Vec<Vec<f64>>), String>> = suns
+    let rows: Vec<Result<Row, String>> = suns
         .par_iter()
         .map(|s| {
             let rule = ProjectionRule::new(*s, bands, ProjectionQuality::Fit);

@@ -188,7 +188,8 @@ mod tests {
     fn leaves_that_would_grow_for_ever_are_refused_by_name() {
         assert_eq!(told(|_| {}), None);
         assert_eq!(told(|s| s.veins.tertiary_mm = 0.0), None);
-        let wrong: [(&str, fn(&mut LeafSpec)); 8] = [
+        type Change = fn(&mut LeafSpec);
+        let wrong: [(&str, Change); 8] = [
             ("outline.length_mm: found 4000000000000000", |s| s.outline.length_mm = 4e15),
             ("outline.bow_mm: found inf", |s| s.outline.bow_mm = f64::INFINITY),
             ("outline.profile: found 1000000000", |s| s.outline.profile[3][1] = 1e9),

@@ -15,6 +15,15 @@ use std::sync::Arc;
 /// Radiance of each channel from a unit direction, all around.
 pub type RadianceAt = Arc<dyn Fn(DVec3) -> [f64; 3] + Send + Sync>;
 
+/// A direction of a rule over the sphere.
+#[derive(Debug, Clone, Copy)]
+pub struct DomeNode {
+    /// A unit vector towards the light.
+    pub direction: DVec3,
+    /// The light from there: radiance times solid angle.
+    pub light: [f64; 3],
+}
+
 /// A sky that depends on direction. Nothing shades it.
 #[derive(Clone)]
 pub struct ReferenceDome {
@@ -22,9 +31,9 @@ pub struct ReferenceDome {
     pub radiance: RadianceAt,
     /// The radiance that is drawn below the horizon, where that is one colour.
     pub seen_below: Option<[f64; 3]>,
-    /// Directions and the light from each (radiance times solid angle), of which irradiance is the sum. `None`: a rule
-    /// for skies that are smooth above the horizon and below it.
-    pub nodes: Option<Arc<Vec<(DVec3, [f64; 3])>>>,
+    /// The directions over whose light irradiance is the sum. `None`: a rule for skies that are smooth above the
+    /// horizon and below it.
+    pub nodes: Option<Arc<Vec<DomeNode>>>,
 }
 
 impl std::fmt::Debug for ReferenceDome {
@@ -82,8 +91,8 @@ impl IrradianceMap {
             .into_par_iter()
             .map(|k| {
                 let n = direction((k / SPOKES) as f64, (k % SPOKES) as f64);
-                nodes.iter().fold([0.0; 3], |sum, (d, l)| {
-                    let c = n.dot(*d).max(0.0);
+                nodes.iter().fold([0.0; 3], |sum, DomeNode { direction, light: l }| {
+                    let c = n.dot(*direction).max(0.0);
                     [sum[0] + c * l[0], sum[1] + c * l[1], sum[2] + c * l[2]]
                 })
             })
@@ -104,8 +113,8 @@ impl IrradianceMap {
 }
 
 /// Nodes of a product rule over the sphere.
-fn nodes(dome: &ReferenceDome) -> Vec<(DVec3, [f64; 3])> {
-    let mut nodes: Vec<(DVec3, [f64; 3])> = Vec::new();
+fn nodes(dome: &ReferenceDome) -> Vec<DomeNode> {
+    let mut nodes: Vec<DomeNode> = Vec::new();
     // Nodes with z = ±t² are dense near the horizon, where skies change fastest and the ground begins.
     for (sign, rings, spokes) in [(1.0, 80, 192), (-1.0, 64, 96)] {
         for i in 0..rings {
@@ -116,7 +125,7 @@ fn nodes(dome: &ReferenceDome) -> Vec<(DVec3, [f64; 3])> {
                 let (sin, cos) = (TAU * (f64::from(k) + 0.5) / f64::from(spokes)).sin_cos();
                 let d = DVec3::new(s * cos, s * sin, z);
                 let weight = 2.0 * t / f64::from(rings) * TAU / f64::from(spokes);
-                nodes.push((d, (dome.radiance)(d).map(|v| v * weight)));
+                nodes.push(DomeNode { direction: d, light: (dome.radiance)(d).map(|v| v * weight) });
             }
         }
     }

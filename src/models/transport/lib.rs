@@ -39,7 +39,7 @@ pub mod world;
 pub use crate::rays as accelerate;
 
 pub use culling::shown;
-pub use dome::{RadianceAt, ReferenceDome};
+pub use dome::{DomeNode, RadianceAt, ReferenceDome};
 pub use renderer::{Options, ReferencePicture, ReferenceRenderer, render};
 pub use world::{
     NormalFrame, NormalMap, ReferenceCamera, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh,

@@ -11,6 +11,9 @@ use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::slab;
 use mesophyll_optics::tube::Travel;
 
+/// Our time (µs) for the work that a peer's script names.
+type OurTime = Box<dyn Fn(&str) -> f64>;
+
 /// Files for a peer's folder, and our rows on the same inputs.
 pub struct PeerInputs {
     /// Name and bytes of every file.
@@ -18,7 +21,7 @@ pub struct PeerInputs {
     /// This program's results for the same inputs.
     pub ours: Vec<BenchRow>,
     /// Where both are measured in turns: our time (µs) for the work that the script names.
-    pub turn: Option<Box<dyn Fn(&str) -> f64>>,
+    pub turn: Option<OurTime>,
 }
 
 /// The certified problems, for the peers of `bench solve`.

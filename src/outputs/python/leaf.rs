@@ -42,6 +42,7 @@ impl Drop for UnderWay {
 
 /// Fits a capture into the folder `out`, as `fit leaf`.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "they are the arguments of the Python function")]
 pub fn leaf_fit(
     py: Python<'_>,
     capture: PathBuf,
@@ -92,12 +93,12 @@ pub fn verify(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<String>> {
     })
 }
 
+/// Names and samples.
+type NamedChannels<'py> = Vec<(String, Bound<'py, PyByteArray>)>;
+
 /// Width, height, and name and single-precision samples of each channel of an OpenEXR file; row 0 is the top row.
 #[pyfunction]
-pub fn read_exr<'py>(
-    py: Python<'py>,
-    path: PathBuf,
-) -> PyResult<(usize, usize, Vec<(String, Bound<'py, PyByteArray>)>)> {
+pub fn read_exr(py: Python<'_>, path: PathBuf) -> PyResult<(usize, usize, NamedChannels<'_>)> {
     let maps = run(py, || image::read_exr(&path))?;
     let bytes = |samples: &[f32]| samples.iter().flat_map(|v| v.to_ne_bytes()).collect::<Vec<u8>>();
     let channels = maps.channels.iter().map(|(name, s)| (name.clone(), PyByteArray::new(py, &bytes(s)))).collect();

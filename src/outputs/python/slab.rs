@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 
 /// σa, σs and their errors (4 cells a row) from R, T, thickness (mm) and the standard errors of R and T.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "they are the arguments of the Python function")]
 pub fn slab_invert(
     py: Python<'_>,
     r: NumberBuffer,

@@ -30,6 +30,7 @@ pub fn gloss_frames(device: &str, name: &str) -> PyResult<Vec<f64>> {
 /// Fits traces, `channels` (1 or 3) times as many numbers a row as the device has frames, channel by channel. Returns
 /// the names of the cells, and the rows that did not end well.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "they are the arguments of the Python function")]
 pub fn gloss_fit(
     py: Python<'_>,
     traces: NumberBuffer,

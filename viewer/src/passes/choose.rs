@@ -120,6 +120,7 @@ impl ChoosePass {
 
     /// Chooses for a picture among instances as `bend` moves them. `apart` is the largest distance between levels that
     /// the CPU knows of; shadow maps have texels of this side.
+    #[expect(clippy::too_many_arguments, reason = "a pass is recorded from what different owners hold")]
     pub(crate) fn record(
         &self,
         gpu: &Gpu,

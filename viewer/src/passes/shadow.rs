@@ -253,6 +253,7 @@ impl ShadowPass {
 
     /// Draws the maps, whose texels have about the side `texel` (mm), unless they are still valid. `times` records a
     /// timestamp before and after the layers. Maps that follow what moves write the true side into `frame`.
+    #[expect(clippy::too_many_arguments, reason = "a pass is recorded from what different owners hold")]
     pub(crate) fn draw(
         &mut self,
         texel: f32,

@@ -10,6 +10,20 @@ use crate::variant::Variant;
 use glam::{Vec3, Vec4};
 use std::time::Instant;
 
+/// An instance as a picture has drawn it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DrawnInstance {
+    /// Index of its mesh.
+    pub mesh: usize,
+    /// Index of its material.
+    pub material: usize,
+    /// Its level of detail.
+    pub level: usize,
+    /// The three rows of its transform, enlarged as it was drawn. Where the CPU chooses and a section carries the
+    /// instance, they are those at rest, from the section's point.
+    pub rows: [[f32; 4]; 3],
+}
+
 impl Renderer {
     /// Draws the picture `frames` times after one to warm up, without reading it back.
     pub fn time(&mut self, camera: &Camera, width: u32, height: u32, frames: usize) -> Result<FrameTiming> {
@@ -105,20 +119,19 @@ impl Renderer {
         pose.map_or_else(|| Ok(Vec::new()), |pose| pose.boxes(&self.gpu))
     }
 
-    /// Every instance of leaves and wood that the last picture has drawn, in the order of the draws: its mesh, its
-    /// material, its level of detail, and the three rows of its transform, enlarged as it was drawn. Where the CPU
-    /// chooses and a section carries the instance, the rows are those at rest, from the section's point.
+    /// Every instance of leaves and wood that the last picture has drawn, in the order of the draws.
     ///
     /// # Errors
     /// `Readback`.
-    pub fn drawn_instances(&self) -> Result<Vec<([usize; 3], [[f32; 4]; 3])>> {
+    pub fn drawn_instances(&self) -> Result<Vec<DrawnInstance>> {
         let mut all = Vec::new();
         for batch in self.loaded.iter().flat_map(|l| &l.batches) {
             let own = match &batch.choice {
                 Some(choice) => choice.drawn(&self.gpu)?,
                 None => batch.levels.drawn(),
             };
-            all.extend(own.into_iter().map(|(level, rows)| ([batch.mesh, batch.material, level], rows)));
+            let (mesh, material) = (batch.mesh, batch.material);
+            all.extend(own.into_iter().map(|(level, rows)| DrawnInstance { mesh, material, level, rows }));
         }
         Ok(all)
     }

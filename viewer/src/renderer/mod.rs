@@ -4,7 +4,7 @@
 mod change;
 // A page in a browser must not wait for the adapter, so pictures and figures are not read back there.
 #[cfg(not(target_arch = "wasm32"))]
-mod measure;
+pub(crate) mod measure;
 #[cfg(not(target_arch = "wasm32"))]
 mod motion;
 #[cfg(not(target_arch = "wasm32"))]

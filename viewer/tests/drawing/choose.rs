@@ -67,12 +67,12 @@ fn a_still_crown_is_chosen_as_the_cpu_does_and_looks_the_same() {
         let [got, want] = [&adapter, &cpu].map(|r| r.drawn_instances().expect("instances"));
         assert_eq!(got.len(), want.len());
         for (got, want) in got.iter().zip(&want) {
-            assert_eq!(got.0, want.0);
-            let (a, b) = (got.1.as_flattened(), want.1.as_flattened());
+            assert_eq!([got.mesh, got.material, got.level], [want.mesh, want.material, want.level]);
+            let (a, b) = (got.rows.as_flattened(), want.rows.as_flattened());
             // A leaf that is about to be left out is small: the difference of two numbers, whose rounding then counts.
             let rounded = if on_gpu(&adapter) { 1e-4 } else { 2e-6 };
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() <= rounded * b.abs()), "{a:?} {b:?}");
-            levels[got.0[2]] += 1;
+            levels[got.level] += 1;
         }
         fewer += usize::from(!got.is_empty() && got.len() < 500);
         assert_eq!(adapter.stats().triangles, cpu.stats().triangles);
@@ -147,7 +147,7 @@ fn what_moves_is_culled_where_it_is() {
                 let out = beyond(right, half * 96.0 / 72.0).max(beyond(right.cross(ahead), half)).max(-to.dot(ahead));
                 let found = drawn
                     .iter()
-                    .find(|(_, rows)| DVec3::from_array(rows.map(|row| f64::from(row[3]))).distance(origin) < 1e-2);
+                    .find(|i| DVec3::from_array(i.rows.map(|row| f64::from(row[3]))).distance(origin) < 1e-2);
                 if (out - r).abs() > 1e-2 {
                     assert_eq!(found.is_some(), out < r, "{time} s, sheet {k}");
                     culled += usize::from(found.is_none());
@@ -156,8 +156,8 @@ fn what_moves_is_culled_where_it_is() {
                 // Half a pixel, at the nearest place of the ball.
                 let allowed = 0.5 * 2.0 * half / 72.0 * (to.length() - r);
                 let error = rest.x_axis.truncate().length();
-                if let Some((names, _)) = found.filter(|_| !in_full && (allowed / error - 1.0).abs() > 1e-4) {
-                    assert_eq!(names[2] == 1, error <= allowed, "{time} s, sheet {k}");
+                if let Some(drawn) = found.filter(|_| !in_full && (allowed / error - 1.0).abs() > 1e-4) {
+                    assert_eq!(drawn.level == 1, error <= allowed, "{time} s, sheet {k}");
                 }
             }
         }

@@ -117,9 +117,11 @@ impl Asd {
     }
 }
 
-/// A CI-710s table with these rows of mode, tag and values in per cent; `separator` is a comma, or a semicolon with
-/// decimal commas.
-pub fn ci710(separator: &str, rows: &[(&str, &str, &dyn Fn(f64) -> f64)]) -> String {
+/// Mode, tag and values in per cent of a row.
+type Ci710Row<'a> = (&'a str, &'a str, &'a dyn Fn(f64) -> f64);
+
+/// A CI-710s table with these rows; `separator` is a comma, or a semicolon with decimal commas.
+pub fn ci710(separator: &str, rows: &[Ci710Row]) -> String {
     let number = |v: f64| {
         let text = format!("{v:.6}");
         if separator == "," { text } else { text.replace('.', ",") }

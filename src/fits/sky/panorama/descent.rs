@@ -81,17 +81,27 @@ pub struct DescentRound {
     pub places: Vec<usize>,
 }
 
+/// How residuals are weighted.
+#[derive(Clone, Copy)]
+pub struct ResidualWeights {
+    /// Standard deviation of a residual, relative to the model's reading with `floor`.
+    pub noise: f64,
+    /// What is added to the model's reading, in quadrature.
+    pub floor: f64,
+    /// Whether the noise is known.
+    pub known: ResidualNoise,
+}
+
 /// `held`: whether the sun stays where the guess has it; then its two parameters have no error.
 pub fn descend(
     pixels: &[PanoramaPixel],
     kept: &[bool],
     channels: usize,
     guess: &PanoramaGuess,
-    noise: f64,
-    floor: f64,
-    known: ResidualNoise,
+    weights: ResidualWeights,
     held: bool,
 ) -> DescentRound {
+    let ResidualWeights { noise, floor, known } = weights;
     let chart = SunChart::at(guess.zenith, guess.azimuth);
     let start = chart.start(guess);
     // The first parameters that are fitted.

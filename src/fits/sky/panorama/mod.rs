@@ -25,13 +25,13 @@ mod start;
 #[cfg(test)]
 mod tests;
 
-use descent::{DescentRound, SunChart, descend, modelled};
+use descent::{DescentRound, ResidualWeights, SunChart, descend, modelled};
 use disk::PanoramaDisk;
 use mesophyll_base::solvers::{Fit, ResidualNoise, Termination, Trace};
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::table::Status;
 use mesophyll_sky::sun_direction;
-use outcome::finished;
+use outcome::{FittedPixels, finished};
 use picture::{CLIPPED, PanoramaPixel, PanoramaReadings};
 use start::{PanoramaGuess, angle, turned};
 
@@ -191,6 +191,7 @@ fn fit_with(picture: &PanoramaReadings, noise: Option<f64>, disk: Option<Panoram
     let step = picture.pixels.len().div_ceil(MOST_PIXELS).max(1);
     let pixels: Vec<PanoramaPixel> = picture.pixels.iter().copied().step_by(step).collect();
     let floor = 0.02 * median_of(pixels.iter().flat_map(|p| p.value[..channels].to_vec())).unwrap_or(f64::NAN);
+    let weights = ResidualWeights { noise: level, floor, known };
     let starts =
         disk.map_or_else(|| start::find(picture, level), |disk| start::held(picture, disk.zenith(), disk.azimuth()));
     let Some(first) = starts.guesses.first().copied() else {
@@ -224,7 +225,7 @@ fn fit_with(picture: &PanoramaReadings, noise: Option<f64>, disk: Option<Panoram
         if kept.iter().filter(|k| **k).count() * channels < 8 {
             return Err("hardly a pixel fits any sky of the model".into());
         }
-        let round = descend(&pixels, &kept, channels, &guess, level, floor, known, disk.is_some());
+        let round = descend(&pixels, &kept, channels, &guess, weights, disk.is_some());
         if !round.fit.converged() {
             return Err(format!("the fit stopped without a result: {}", round.fit.termination.name()));
         }
@@ -245,7 +246,7 @@ fn fit_with(picture: &PanoramaReadings, noise: Option<f64>, disk: Option<Panoram
     }
     let Some(round) = last else { return Err("nothing was fitted".into()) };
     // Descents to other suns, on the same pixels.
-    let used = |g: &PanoramaGuess| descend(&pixels, &kept, channels, g, level, floor, known, disk.is_some());
+    let used = |g: &PanoramaGuess| descend(&pixels, &kept, channels, g, weights, disk.is_some());
     let own = turned(sun_direction(guess.zenith), guess.azimuth);
     let mut rival = None;
     for g in starts.guesses.iter().skip(1) {
@@ -269,7 +270,8 @@ fn fit_with(picture: &PanoramaReadings, noise: Option<f64>, disk: Option<Panoram
         })
     });
     let sun = disk.zip(beside);
-    Ok(finished(picture, &pixels, &kept, round, rival, (level, from), &starts, values, sun))
+    let pixels = FittedPixels { pixels: &pixels, kept: &kept, values };
+    Ok(finished(picture, pixels, round, rival, (level, from), &starts, sun))
 }
 
 /// Names of the four results, in order.

@@ -17,18 +17,25 @@ use std::f64::consts::PI;
 /// The misfit is more than noise where reduced χ² is above 1 by this share, where the noise itself was measured.
 const EXCESS_MEASURED: f64 = 0.4;
 
-/// The result of `round` on the pixels `kept`. `values` are the model's readings there; `rival` is the zenith and
-/// azimuth of a sun that fits as well. `sun`: the disk that the sun was held at, and what its error along the meridian
-/// and across does to turbidity and ln scale.
+/// The pixels of a fit.
+pub struct FittedPixels<'a> {
+    pub pixels: &'a [PanoramaPixel],
+    /// Whether each was kept.
+    pub kept: &'a [bool],
+    /// The model's readings there, channel by channel of each pixel.
+    pub values: Vec<f64>,
+}
+
+/// The result of `round` on the pixels that were kept. `rival` is the zenith and azimuth of a sun that fits as well.
+/// `sun`: the disk that the sun was held at, and what its error along the meridian and across does to turbidity and ln
+/// scale.
 pub fn finished(
     picture: &PanoramaReadings,
-    pixels: &[PanoramaPixel],
-    kept: &[bool],
+    FittedPixels { pixels, kept, values }: FittedPixels,
     round: DescentRound,
     rival: Option<(f64, f64)>,
     (level, from): (f64, NoiseSource),
     starts: &start::PanoramaStarts,
-    values: Vec<f64>,
     sun: Option<(PanoramaDisk, [[f64; 2]; 2])>,
 ) -> PanoramaFit {
     let adequacy = judged(&round, picture.width, from);

@@ -33,6 +33,14 @@ pub struct TissueFitModel<'a> {
     pub count: usize,
 }
 
+/// The misfit to the photographs.
+pub struct TissueScore {
+    /// Residuals divided by their sd, for each channel, image and texel.
+    pub residuals: Vec<Vec<Vec<f64>>>,
+    /// The gradient of half the sum of their squares.
+    pub gradient: Vec<f64>,
+}
+
 /// Logarithms of the parameters that are searched for.
 pub fn logarithms(tissues: &TissueCoefficients, options: &Options) -> Vec<f64> {
     let pairs = tissues.sigma_a.iter().zip(&tissues.reduced).flat_map(|(a, s)| [a.ln(), s.ln()]);
@@ -218,11 +226,11 @@ impl<'a> TissueFitModel<'a> {
         (0..self.measured.channels.len()).into_par_iter().map(one).collect()
     }
 
-    /// Residuals divided by their sd, and the gradient of half the sum of their squares.
+    /// The residuals, and how half the sum of their squares changes.
     ///
     /// # Errors
     /// As [`TissueFitModel::images`].
-    pub fn score(&self, p: &[f64]) -> Result<(Vec<Vec<Vec<f64>>>, Vec<f64>)> {
+    pub fn score(&self, p: &[f64]) -> Result<TissueScore> {
         let at = self.tissues(p);
         let one = |c: usize| {
             let (tangent, sources) = (self.tangent(&at, c)?, self.sources(c));
@@ -236,7 +244,7 @@ impl<'a> TissueFitModel<'a> {
             residuals.push(part);
             self.places(c).iter().zip(by).filter(|(i, _)| **i < p.len()).for_each(|(i, by)| gradient[*i] += by);
         }
-        Ok((residuals, gradient))
+        Ok(TissueScore { residuals, gradient })
     }
 
     /// How the gradient changes with ln of every texel's thickness, for each parameter, thickness map and texel. The
@@ -348,7 +356,7 @@ impl DifferentiableCost for TissueFitModel<'_> {
             return f64::NAN;
         }
         let (inside, off) = self.within(params);
-        let Ok((residuals, by)) = self.score(&inside) else { return f64::NAN };
+        let Ok(TissueScore { residuals, gradient: by }) = self.score(&inside) else { return f64::NAN };
         gradient.copy_from_slice(&by);
         let mut cost: f64 = residuals.iter().map(|c| 0.5 * c.iter().flatten().map(|r| r * r).sum::<f64>()).sum();
         let stiffness = self.count as f64;

@@ -13,7 +13,7 @@
 //! covariance.
 
 use super::TissueMeasurement;
-use super::model::TissueFitModel;
+use super::model::{TissueFitModel, TissueScore};
 use crate::translucency::Result;
 use mesophyll_base::random::RandomStream;
 use mesophyll_capture::dome::smoothing::{SmoothingKernel, pass};
@@ -106,7 +106,7 @@ pub fn spread(model: &TissueFitModel, p: &[f64]) -> Result<ThicknessSpread> {
     }
     scatter(model.measured, &pulls, &mut out.scatter);
     let score = |model: &TissueFitModel| -> Result<(Vec<f64>, DVector<f64>)> {
-        let (residuals, gradient) = model.score(p)?;
+        let TissueScore { residuals, gradient } = model.score(p)?;
         Ok((residuals.into_iter().flatten().flatten().collect(), DVector::from_vec(gradient)))
     };
     let (_, here) = score(model)?;

@@ -174,7 +174,7 @@ pub fn reduce(capture: &DomeCapture, options: &Options) -> Result<DomeMaps> {
     let noise = photo_noise(capture);
     let ratio = |leaf: &DomePixels, reference: &DomePixels| quotient(leaf, reference, noise, m, capture.has_dark);
     let through = [Side::Front, Side::Back].map(|s| ratio(&capture.pictures(s).translucency, &capture.empty));
-    let mask = outline(capture, &through)?;
+    let mask = outline(capture, [&through[0].0, &through[1].0])?;
     let masks = [mask.clone(), mirror(&mask, w)];
 
     let shape = shape(capture, &mask, options)?;
@@ -283,11 +283,11 @@ fn quotient(
 }
 
 /// `mask.exr`, or the texels that darken the back light on both sides. Also checks that the outlines of both sides are
-/// those of one leaf.
-fn outline(capture: &DomeCapture, through: &[(Vec<[f64; 3]>, Vec<[f64; 3]>); 2]) -> Result<Vec<bool>> {
+/// those of one leaf. `through` is what came through each side.
+fn outline(capture: &DomeCapture, through: [&[[f64; 3]]; 2]) -> Result<Vec<bool>> {
     let (w, h) = (capture.manifest.width, capture.manifest.height);
     let seen = [0, 1].map(|s: usize| {
-        let ratio: Vec<[f32; 3]> = through[s].0.iter().map(|v| v.map(|v| v as f32)).collect();
+        let ratio: Vec<[f32; 3]> = through[s].iter().map(|v| v.map(|v| v as f32)).collect();
         mask_from_transmission(&ratio, w, h)
     });
     let path = |side| DomePicture::Translucency.path(&capture.folder, side);

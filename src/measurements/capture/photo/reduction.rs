@@ -19,10 +19,10 @@ use super::outline::{PIECES, PhotoOutline, border, on_sheet, widened};
 use super::picture::LinearPhotograph;
 use super::registration::{BinaryMask, register};
 use super::ruler::{self, PictureScale};
-use super::shade::{Lit, card_pixels, lit};
+use super::shade::{Lit, ShadedSide, card_pixels, lit};
 use super::silhouette;
 use super::texture::{Chosen, choose};
-use super::views::{OTHER_WAY, OVERLAP, Views, judge, mismatch};
+use super::views::{OTHER_WAY, OVERLAP, PhotoFront, Views, judge, mismatch};
 use crate::photo::Result;
 use mesophyll_base::statistics::median_of;
 use mesophyll_optics::defect::{Defect, GOOD};
@@ -75,7 +75,9 @@ pub fn reduce(folder: &Path, m: &PhotoManifest) -> Result<PhotoMaps> {
     let grid = grid(folder, m, &front_mask, &picture, scale)?;
     let texels = grid.width * grid.height;
     let mut mask: Vec<bool> = (0..texels).map(|k| front_outline.holds(grid.middle(k))).collect();
-    let front = lit(folder, m, &picture, &card, &bright, &grid, &mask, None, &noise, "front")?;
+    let side =
+        ShadedSide { name: "front", picture: &picture, card: &card, bright: &bright, found: None, noise: &noise };
+    let front = lit(folder, m, side, &grid, &mask)?;
     drop(picture);
 
     let picture = LinearPhotograph::read(&back_path, m)?;
@@ -110,10 +112,19 @@ pub fn reduce(folder: &Path, m: &PhotoManifest) -> Result<PhotoMaps> {
     let back_chosen = choose(&grid, &mask, &front.value, &picture, back_match);
     let back_match = back_chosen.found;
     (0..texels).for_each(|k| mask[k] &= rough || back_outline.holds(back_match.motion.at(grid.middle(k))));
-    let back = lit(folder, m, &picture, &card, &outline.bright, &grid, &mask, Some(&back_match), &back_noise, "back")?;
+    let side = ShadedSide {
+        name: "back",
+        picture: &picture,
+        card: &card,
+        bright: &outline.bright,
+        found: Some(&back_match),
+        noise: &back_noise,
+    };
+    let back = lit(folder, m, side, &grid, &mask)?;
     drop((picture, outline));
 
-    let views = Views::read(folder, m, front_outline, &front.value, &grid, &mut mask, &noise, dark.unwrap_or(0.0))?;
+    let seen = PhotoFront { outline: front_outline, value: &front.value, least_apart_px: dark.unwrap_or(0.0) };
+    let views = Views::read(folder, m, seen, &grid, &mut mask, &noise)?;
     let apart = views.each().map(|v| v.found.found.apart_px).fold(back_match.apart_px, f64::max);
     let outside: Vec<bool> = mask.iter().map(|m| !m).collect();
     let reach = ((1.5 + 2.0 * apart) / grid.step as f64).ceil() as usize;
@@ -124,9 +135,8 @@ pub fn reduce(folder: &Path, m: &PhotoManifest) -> Result<PhotoMaps> {
     let lit = [front, back];
     let (gloss, light) = behind(m, &lit, &views, &inner);
     let [front, back] = lit;
-    let of = |side, lit, s: usize, found| {
-        finished(m, lit, found, &grid, &mask, &edge, views.of(side), &gloss[s], &light[s], scale)
-    };
+    let texels = LeafTexels { grid: &grid, scale, mask: &mask, edge: &edge };
+    let of = |side, lit, s: usize, found| finished(m, texels, lit, found, views.of(side), &gloss[s], &light[s]);
     let mut front = of(Side::Front, front, 0, None);
     let mut back = of(Side::Back, back, 1, Some(&back_chosen));
     name_energy(&mut front, &mut back);
@@ -197,18 +207,27 @@ fn behind(m: &PhotoManifest, lit: &[Lit; 2], views: &Views, inner: &[bool]) -> (
     (gloss, light)
 }
 
+/// The texels of all maps, in the front's columns.
+#[derive(Clone, Copy)]
+struct LeafTexels<'a> {
+    grid: &'a Grid,
+    /// The scale of the front's picture.
+    scale: PictureScale,
+    /// Those on the leaf.
+    mask: &'a [bool],
+    /// Those near its outline.
+    edge: &'a [bool],
+}
+
 /// Takes off gloss and what came from behind, and names the defects. All maps are in the front's columns.
 fn finished(
     m: &PhotoManifest,
+    LeafTexels { grid, scale, mask, edge }: LeafTexels,
     mut lit: Lit,
     found: Option<&Chosen>,
-    grid: &Grid,
-    mask: &[bool],
-    edge: &[bool],
     (view, own): (&OverBare, bool),
     gloss: &Gloss,
     light: &Returned,
-    scale: PictureScale,
 ) -> PhotoSideMaps {
     let share = light.table.map(|b| 1.0 / (1.0 + b));
     let scaled =

@@ -60,19 +60,24 @@ pub(super) fn card_pixels(
     Ok((top..top + height).flat_map(|j| (left..left + width).map(move |i| j * picture.width + i)).collect())
 }
 
+/// A side's picture in open shade, and what was found on it.
+#[derive(Clone, Copy)]
+pub(super) struct ShadedSide<'a> {
+    /// The side's section of the manifest.
+    pub name: &'a str,
+    pub picture: &'a LinearPhotograph,
+    /// The pixels of the card.
+    pub card: &'a [usize],
+    /// Whatever is brighter than the sheet.
+    pub bright: &'a [bool],
+    /// Where the front's outline lies in the picture; `None` for the front itself.
+    pub found: Option<&'a OutlineMatch>,
+    pub noise: &'a SensorNoise,
+}
+
 /// One side's reflectance against the card, gloss included.
-pub(super) fn lit(
-    folder: &Path,
-    m: &PhotoManifest,
-    picture: &LinearPhotograph,
-    card: &[usize],
-    bright: &[bool],
-    grid: &Grid,
-    mask: &[bool],
-    found: Option<&OutlineMatch>,
-    noise: &SensorNoise,
-    name: &str,
-) -> Result<Lit> {
+pub(super) fn lit(folder: &Path, m: &PhotoManifest, side: ShadedSide, grid: &Grid, mask: &[bool]) -> Result<Lit> {
+    let ShadedSide { name, picture, card, bright, found, noise } = side;
     let light = SheetLight::on_sheet(picture, bright);
     let w = picture.width;
     let middle = |k: usize| [(k % w) as f64 + 0.5, (k / w) as f64 + 0.5];

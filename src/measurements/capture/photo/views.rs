@@ -23,22 +23,28 @@ pub(super) struct Views {
     turned: Option<OverBare>,
 }
 
+/// The front in open shade, which the other pictures are laid over.
+#[derive(Clone, Copy)]
+pub(super) struct PhotoFront<'a> {
+    pub outline: BinaryMask<'a>,
+    /// What its texels show.
+    pub value: &'a [[f64; 3]],
+    /// By at least this (pixels of the front's picture) a view may lie askew, whatever its outline says.
+    pub least_apart_px: f64,
+}
+
 impl Views {
-    /// Reads the pictures. `seen` is what the front shows in open shade. By at least `least_apart_px` (pixels of the
-    /// front's picture) a view may lie askew, whatever its outline says. Takes texels that are not on the leaf in all
-    /// of them from `mask`.
+    /// Reads the pictures. Takes texels that are not on the leaf in all of them from `mask`.
     ///
     /// # Errors
-    /// Pictures that cannot be read, show no leaf, or whose outlines do not match `front`'s.
+    /// Pictures that cannot be read, show no leaf, or whose outlines do not match the front's.
     pub fn read(
         folder: &Path,
         m: &PhotoManifest,
-        front: BinaryMask,
-        seen: &[[f64; 3]],
+        front: PhotoFront,
         grid: &Grid,
         mask: &mut [bool],
         noise: &SensorNoise,
-        least_apart_px: f64,
     ) -> Result<Views> {
         let bare = LinearPhotograph::read(&folder.join(&m.light_table.bare), m)?;
         let mut view = |file: &str, side: Side, way: &str| {
@@ -47,10 +53,10 @@ impl Views {
             let table = on_light_table(&picture, &bare)?;
             let outline = BinaryMask { inside: &table.mask, width: picture.width };
             let mirrored = side == Side::Back;
-            let Some(found) = register(front, outline, mirrored) else { return Err(mismatch(&path, 0.0)) };
-            judge(&path, front, outline, &found.best, mirrored, way)?;
-            let mut found = choose(grid, mask, seen, &picture, found);
-            found.found.apart_px = found.found.apart_px.max(least_apart_px);
+            let Some(found) = register(front.outline, outline, mirrored) else { return Err(mismatch(&path, 0.0)) };
+            judge(&path, front.outline, outline, &found.best, mirrored, way)?;
+            let mut found = choose(grid, mask, front.value, &picture, found);
+            found.found.apart_px = found.found.apart_px.max(front.least_apart_px);
             (0..mask.len()).for_each(|k| mask[k] &= outline.holds(found.found.motion.at(grid.middle(k))));
             Ok(over_bare(&picture, &bare, &table, grid, mask, found, noise))
         };

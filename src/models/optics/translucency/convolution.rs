@@ -97,24 +97,8 @@ pub fn convolve(
 }
 
 impl Convolver {
-    /// Kernels for thicknesses from `thinnest_mm` to `thickest_mm` with the form's own totals and the default tail.
+    /// Kernels for thicknesses from `thinnest_mm` to `thickest_mm`.
     ///
-    /// # Errors
-    /// As [`Convolver::with`].
-    pub fn new(
-        tissue: &Tissue,
-        form: DipoleForm,
-        levels: ThicknessLevels,
-        width: usize,
-        height: usize,
-        texel_mm: f64,
-        thinnest_mm: f64,
-        thickest_mm: f64,
-    ) -> Result<Convolver> {
-        let settings = ConvolutionSettings { form, levels, ..ConvolutionSettings::new(*tissue, texel_mm) };
-        Convolver::with(&settings, width, height, thinnest_mm, thickest_mm)
-    }
-
     /// # Errors
     /// A tissue, texel, level count or thickness out of range; a form for which `thinnest_mm` is too thin
     /// ([`DipoleForm::Thin`] serves every thickness).

@@ -196,7 +196,9 @@ fn bad_files_end_in_a_sentence() {
     let said = |change: &dyn Fn(&mut serde_json::Value)| {
         read(&changed(folder.path(), change)).map(|_| ()).unwrap_err().to_string()
     };
-    let cases: [(&dyn Fn(&mut serde_json::Value), &str); 14] = [
+    // What is changed in the file, and what is then said.
+    type Case<'a> = (&'a dyn Fn(&mut serde_json::Value), &'a str);
+    let cases: [Case; 14] = [
         (&|j| j["buffers"][0]["uri"] = json!("../twig.bin"), "leads outside the file's folder"),
         (&|j| j["buffers"][0]["uri"] = json!("gone.bin"), "no such file"),
         (&|j| j["nodes"][2]["name"] = json!("trunk"), "another branch has the same name"),

@@ -3,6 +3,7 @@
 
 use super::Coated;
 use super::coverage::folded;
+use super::plan::Plan;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 use mesophyll_files::gltf_file::{AlphaMask, GltfPrimitive};
@@ -66,24 +67,17 @@ fn framed(surface: &GltfPrimitive, found: &FlatPieces, triangles: Vec<usize>) ->
     Some(Card { corner: a - along * base.x - across * base.y, edges: [along, across], triangles })
 }
 
-/// Leaves scattered over the cards: a rectangle for each, with texture coordinates over the fitted blade. `uvs` are the
-/// file's own coordinates, and `unit_m` is the length of the file's unit in the scene (m).
+/// Leaves scattered over the cards of a primitive: a rectangle for each leaf, with texture coordinates over the fitted
+/// blade.
 ///
 /// The places are those of a low-discrepancy sequence (Roberts 2018), so that leaves lie evenly. A leaf points away
 /// from the card's long axis, and is tilted out of the card.
 ///
 /// # Errors
 /// [`Error::Input`] for a card with too many leaves.
-pub(super) fn scatter(
-    path: &Path,
-    field: &str,
-    surface: &GltfPrimitive,
-    found: &FlatPieces,
-    cards: &[Card],
-    coated: &Coated,
-    picture: Option<(&Cut, &[[f32; 2]])>,
-    unit_m: f64,
-) -> Result<LeafMesh> {
+pub(super) fn scatter(path: &Path, plan: &Plan, cards: &[Card], coated: &Coated) -> Result<LeafMesh> {
+    let Plan { surface, found, own, cut, unit_m, .. } = plan;
+    let picture = cut.as_ref().zip(own.as_ref().map(|(_, uvs)| uvs));
     let [length, width] = coated.blade_m.map(|v| v / unit_m);
     let blade = length * width * coated.filled;
     let mut out = LeafMesh::default();
@@ -112,7 +106,7 @@ pub(super) fn scatter(
             let what = format!("{count:.0} leaves of {:.3} m would fit on one card", coated.blade_m[0]);
             return Err(Error::field(
                 path,
-                field,
+                &plan.field(),
                 format!("{what}; expected at most {MOST} (the unit of its lengths?)"),
             ));
         }

@@ -67,8 +67,7 @@ impl Work<'_> {
             .collect();
         let bent = own["targets"].is_array() || own["attributes"]["JOINTS_0"].is_u64();
         if self.options.scatter && !twigs.is_empty() && !bent {
-            let picture = plan.cut.as_ref().zip(plan.own.as_ref().map(|(_, uvs)| uvs.as_slice()));
-            let leaves = cards::scatter(self.path, &field, surface, found, &twigs, coated, picture, plan.unit_m)?;
+            let leaves = cards::scatter(self.path, &plan, &twigs, coated)?;
             twigs.iter().flat_map(|card| &card.triangles).for_each(|t| fate[*t] = Fate::Gone);
             out.extend(self.scattered(&leaves, coated));
         } else if let Some(largest) = twigs.iter().map(|card| card.length() * plan.unit_m).reduce(f64::max) {

@@ -14,8 +14,11 @@ use nalgebra::{DMatrix, DVector};
 /// tolerance.
 const CONVERGED: f64 = 1e-14;
 
+/// A loop: it fits a problem from a start.
+type Minimizer = fn(&dyn Problem, &[f64]) -> Fit;
+
 /// The loops by name.
-pub const LOOPS: [(&str, fn(&dyn Problem, &[f64]) -> Fit); 4] = [
+pub const LOOPS: [(&str, Minimizer); 4] = [
     ("Marquardt", |problem, start| damped(problem, start, DampingControl::MARQUARDT)),
     ("shortened Gauss-Newton", |problem, start| damped(problem, start, DampingControl::SHORTENED)),
     ("halved Newton", |problem, start| damped(problem, start, DampingControl::HALVED)),

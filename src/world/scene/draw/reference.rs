@@ -219,9 +219,12 @@ const NODES: usize = 256;
 /// A sky that is a picture, multiplied by `strength`.
 pub fn pictured(map: &Arc<Environment>, strength: f64) -> transport::ReferenceDome {
     let (coarse, map) = (map.reduced(NODES), map.clone());
-    let light = |((d, size), texel): ((DVec3, f64), &[f32; 3])| (d, texel.map(|v| strength * size * f64::from(v)));
+    let node = |((direction, size), texel): ((DVec3, f64), &[f32; 3])| transport::DomeNode {
+        direction,
+        light: texel.map(|v| strength * size * f64::from(v)),
+    };
     transport::ReferenceDome {
-        nodes: Some(Arc::new(coarse.centres().zip(coarse.texels().2).map(light).collect())),
+        nodes: Some(Arc::new(coarse.centres().zip(coarse.texels().2).map(node).collect())),
         radiance: Arc::new(move |d| map.at(d).map(|v| strength * v)),
         seen_below: None,
     }

@@ -35,7 +35,7 @@ use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fits::grass::hill::Hill;
 use motion::SceneMotion;
 use placement::LeafPlacement;
-use plant::{PlacedPlant, PlacedWood};
+use plant::{PlacedPlant, PlacedShape, PlacedWood};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winds::SwayingPlants;
@@ -51,8 +51,8 @@ pub struct PlacedScene {
     pub eyes: Vec<DVec3>,
     /// The wood of plants.
     pub wood: Vec<PlacedWood>,
-    /// For every shape of a plant's blades, the plant's name and what [`PlacedPlant::shapes`] says of it.
-    pub shapes: Vec<(String, (usize, f64, [f64; 2]))>,
+    /// Every shape of a plant's blades, with the plant's name.
+    pub shapes: Vec<(String, PlacedShape)>,
     /// Lawns on the ground.
     pub grass: Vec<grass::PlacedLawn>,
     /// The ground and its reflectance.

@@ -39,6 +39,19 @@ pub struct PlacedWood {
     pub bark_moves: Option<BarkMotion>,
 }
 
+/// A shape of a plant's blades, and the leaf that is drawn for it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlacedShape {
+    /// The scene's leaf.
+    pub leaf: usize,
+    /// How large the shape is (mm).
+    pub across_mm: f64,
+    /// The factor by which the plant enlarges the leaf.
+    pub scale: f64,
+    /// The part of `leaf_scale` in this.
+    pub leaf_scale: f64,
+}
+
 /// A `[[plant]]` of the manifest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedPlant {
@@ -229,13 +242,13 @@ impl PlacedPlant {
         plant
     }
 
-    /// For every shape of its blades, the scene's leaf that is drawn for it, how large the shape is (mm across), the
-    /// factor by which the plant enlarges the leaf, and the part of `leaf_scale` in this.
-    pub fn shapes(&self) -> impl Iterator<Item = (usize, f64, [f64; 2])> {
-        let own = self.leaf_scale;
-        let scale = self.places.first().map_or(1.0, |place| place.x_axis.truncate().length()) * own;
+    /// The shapes of its blades.
+    pub fn shapes(&self) -> impl Iterator<Item = PlacedShape> {
+        let leaf_scale = self.leaf_scale;
+        let scale = self.places.first().map_or(1.0, |place| place.x_axis.truncate().length()) * leaf_scale;
         let across = self.plant.blades.iter().map(move |blade| 2.0 * blade.mesh.bounds().1 * scale);
-        self.leaves.iter().copied().zip(across).map(move |(leaf, across)| (leaf, across, [scale, own]))
+        let shape = move |(leaf, across_mm)| PlacedShape { leaf, across_mm, scale, leaf_scale };
+        self.leaves.iter().copied().zip(across).map(shape)
     }
 
     fn made_of(&self, material: &str) -> impl Iterator<Item = (usize, &Branch)> {

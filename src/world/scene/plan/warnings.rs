@@ -3,7 +3,7 @@
 
 use crate::Result;
 use crate::manifest::{SceneManifest, SceneView, ViewKind};
-use crate::placed::{PlacedScene, leaf::PlacedLeaf, placement::LeafPlacement};
+use crate::placed::{PlacedScene, leaf::PlacedLeaf, placement::LeafPlacement, plant::PlacedShape};
 use glam::DVec3;
 
 /// A mesh that is larger or smaller than the scanned blade by this factor is assumed to be in another unit.
@@ -60,7 +60,7 @@ fn another_unit(manifest: &SceneManifest, leaf: &PlacedLeaf) -> Result<Option<St
 /// card shows a whole twig.
 fn other_blades(manifest: &SceneManifest, placed: &PlacedScene) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
-    for (plant, (leaf, across, [scale, own])) in &placed.shapes {
+    for (plant, PlacedShape { leaf, across_mm: across, scale, leaf_scale: own }) in &placed.shapes {
         let Some(mesh) = placed.leaves.get(*leaf).and_then(|leaf| leaf.mesh.as_ref()) else { continue };
         let drawn = 2.0 * mesh.bounds().1 * scale;
         let start = format!("plant \"{plant}\": its blades are drawn as the leaf \"{}\"", manifest.leaves[*leaf].name);

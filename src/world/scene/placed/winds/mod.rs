@@ -92,6 +92,14 @@ const MOST_SECTIONS: usize = 4_000_000;
 /// The largest number of vertices of bark of all plants together. Every place counts separately.
 const MOST_BARK: usize = 20_000_000;
 
+/// All sections of all plants at a time (s).
+#[derive(Debug)]
+struct PosedSections {
+    lengths: LengthConstraint,
+    time: f64,
+    sections: Arc<Vec<RigidMotion>>,
+}
+
 /// All plants of a scene that move: in its wind, and by loads that the scene states.
 #[derive(Debug)]
 pub struct SwayingPlants {
@@ -102,7 +110,7 @@ pub struct SwayingPlants {
     /// The gusts for leaves, for each kind of flutter.
     pub gusts: Vec<Arc<FlutterGusts>>,
     /// The sections at the last times that were requested.
-    last: Mutex<Vec<(LengthConstraint, f64, Arc<Vec<RigidMotion>>)>>,
+    last: Mutex<Vec<PosedSections>>,
 }
 
 impl SwayingPlants {
@@ -366,9 +374,8 @@ impl SwayingPlants {
 
     /// The same, with lengths of branches kept in this way.
     pub fn sections_with(&self, lengths: LengthConstraint, time: f64) -> Arc<Vec<RigidMotion>> {
-        let same = |l: &&(LengthConstraint, f64, Arc<Vec<RigidMotion>>)| (l.0, l.1) == (lengths, time);
-        let known =
-            |last: &Vec<(LengthConstraint, f64, Arc<Vec<RigidMotion>>)>| last.iter().find(same).map(|l| l.2.clone());
+        let same = |l: &&PosedSections| (l.lengths, l.time) == (lengths, time);
+        let known = |last: &Vec<PosedSections>| last.iter().find(same).map(|l| l.sections.clone());
         if let Some(found) = self.last.lock().ok().and_then(|last| known(&last)) {
             return found;
         }
@@ -381,7 +388,7 @@ impl SwayingPlants {
         let made = Arc::new(parts.concat());
         if let Ok(mut last) = self.last.lock() {
             last.truncate(KEPT - 1);
-            last.insert(0, (lengths, time, made.clone()));
+            last.insert(0, PosedSections { lengths, time, sections: made.clone() });
         }
         made
     }
