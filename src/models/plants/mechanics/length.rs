@@ -74,7 +74,7 @@ pub fn bend_with<T: FloatingPoint>(
         let mut extra = T::zero();
         for (t, g) in nodes {
             let [a, b] = curve.velocity(y * *t);
-            extra = extra + *g * (b * b / ((a * a + b * b).sqrt() + a));
+            extra += *g * (b * b / ((a * a + b * b).sqrt() + a));
         }
         let arc = position(shape, y) + y * extra;
         let step = (arc - x) / curve.speed(y);
