@@ -32,7 +32,7 @@ impl WindowPlants {
     /// As [`planted`].
     pub fn new(manifest: &SceneManifest, placed: &PlacedScene, ledger: &Ledger) -> Result<WindowPlants> {
         let start = planted(manifest, ledger)?;
-        Ok(WindowPlants { edited: start.clone(), start, winds: placed.winds.clone(), applied: Edits::new() })
+        Ok(WindowPlants { edited: start.clone(), start, winds: placed.winds.clone(), applied: Edits::default() })
     }
 
     /// What the window lists.
