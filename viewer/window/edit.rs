@@ -126,7 +126,8 @@ impl EditQuantity {
 
     /// Whether it is a factor on what the scene has, which starts with 1.
     pub fn is_factor(self) -> bool {
-        self.scale().name.ends_with('×')
+        use EditQuantity::{Azimuth, Elevation, Exposure, SigmaA, SigmaS, Thickness, Turbidity};
+        !matches!(self, Thickness | SigmaA(_) | SigmaS(_) | Azimuth | Elevation | Turbidity | Exposure)
     }
 }
 
@@ -182,20 +183,9 @@ impl Edits {
         self.get(target, quantity).unwrap_or(1.0)
     }
 
-    /// σa or σs of a side (1/mm), where all channels are in here.
-    pub fn rgb(&self, target: EditTarget, quantity: fn(usize) -> EditQuantity) -> Option<[f64; 3]> {
-        let [r, g, b] = [0, 1, 2].map(|c| self.get(target, quantity(c)));
-        Some([r?, g?, b?])
-    }
-
     /// All values, in a fixed order.
     pub fn iter(&self) -> impl Iterator<Item = Edit> {
         self.0.iter().map(|(&(target, quantity), &value)| Edit { target, quantity, value })
-    }
-
-    /// How many values there are.
-    pub fn len(&self) -> usize {
-        self.0.len()
     }
 
     /// Whether there is none.

@@ -165,10 +165,8 @@ impl WindowStage {
     /// Uploads what the user has changed. A scene that cannot be drawn is an error only at the start.
     fn take_over(&mut self, state: &mut ViewerUi) -> Result<()> {
         let versions = &state.made.versions;
-        let before = std::mem::replace(&mut state.made.uploaded, versions.now);
-        if versions.scene > before {
-            return self.renderer.set_scene(&state.made.scene);
-        }
+        let before = state.made.uploaded.replace(versions.now).filter(|before| versions.scene <= *before);
+        let Some(before) = before else { return self.renderer.set_scene(&state.made.scene) };
         let (timed, lit) = (versions.time > before, versions.lights > before);
         for leaf in versions.leaves_since(before) {
             if let Err(error) = self.renderer.set_material(&state.made.scene, leaf) {

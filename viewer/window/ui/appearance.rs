@@ -13,7 +13,7 @@ use std::collections::HashMap;
 type Thumbnail = Option<(TextureHandle, [f32; 2])>;
 
 /// The thumbnails that were made so far, by leaf, side and map, with the version of the leaf.
-pub(crate) type Thumbnails = HashMap<(usize, Side, MapKind), (u64, Thumbnail)>;
+pub(crate) type Thumbnails = HashMap<(usize, Side, MapKind), (Option<u64>, Thumbnail)>;
 
 /// The value with two significant digits.
 fn short(value: f32) -> String {
@@ -85,8 +85,8 @@ impl ViewerUi {
                 Some((ui.ctx().load_texture(format!("{leaf} {side} {kind:?}"), image, TextureOptions::LINEAR), range))
             };
             let entry = self.made.thumbnails.entry((leaf, side, kind)).or_default();
-            if entry.0 != version {
-                *entry = (version, make());
+            if entry.0 != Some(version) {
+                *entry = (Some(version), make());
             }
             shown.extend(entry.1.as_ref().map(|(texture, range)| (kind, texture.id(), *range)));
         }

@@ -138,11 +138,15 @@ impl ViewerUi {
         let area = ui.available_rect_before_wrap();
         let aspect = check.size[0] as f32 / check.size[1] as f32;
         let caption = 20.0;
-        let show = |which: usize, cell: Rect| {
-            let room = vec2(cell.width(), cell.height() - caption);
+        // The largest picture in an area, below its name.
+        let fitted = |area: Rect| {
+            let room = vec2(area.width(), area.height() - caption);
             let size =
                 if room.x / room.y > aspect { vec2(room.y * aspect, room.y) } else { vec2(room.x, room.x / aspect) };
-            let rect = Rect::from_center_size(cell.center() + vec2(0.0, 0.5 * caption), size);
+            Rect::from_center_size(area.center() + vec2(0.0, 0.5 * caption), size)
+        };
+        let show = |which: usize, cell: Rect| {
+            let rect = fitted(cell);
             let painter = ui.painter();
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(check.textures[which].id(), rect, whole, Color32::WHITE);
@@ -163,13 +167,7 @@ impl ViewerUi {
             }
             CheckLayout::Wiped => {
                 // Names of both stand above their sides.
-                let room = vec2(area.width(), area.height() - caption);
-                let size = if room.x / room.y > aspect {
-                    vec2(room.y * aspect, room.y)
-                } else {
-                    vec2(room.x, room.x / aspect)
-                };
-                let rect = Rect::from_center_size(area.center() + vec2(0.0, 0.5 * caption), size);
+                let rect = fitted(area);
                 part(ui.painter(), check.textures[1].id(), rect, self.view.wipe, false);
                 part(ui.painter(), check.textures[0].id(), rect, self.view.wipe, true);
                 let font = egui::FontId::proportional(14.0);

@@ -45,7 +45,8 @@ impl ViewerUi {
                 self.landmark("screenshot", &shot);
                 let name =
                     egui::TextEdit::singleline(&mut self.view.shot_name).hint_text("its name").desired_width(110.0);
-                let name = ui.add(name).on_hover_text(format!("a file in {}", self.opened.screenshots.display()));
+                let name =
+                    ui.add(name).on_hover_text(format!("a file in {}", self.opened.window.screenshots.display()));
                 self.landmark("screenshot name", &name);
                 if shot.clicked() {
                     self.request_screenshot();

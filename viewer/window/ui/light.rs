@@ -104,10 +104,10 @@ impl ViewerUi {
             self.landmark("backdrop", &shown);
             shown.on_hover_text("the picture of --background; it lights nothing, and checks leave it out");
         }
-        if !self.opened.views.is_empty() {
+        if !self.opened.window.views.is_empty() {
             ui.horizontal_wrapped(|ui| {
                 ui.label("view");
-                for WindowView { name, camera, time_s } in self.opened.views.clone() {
+                for WindowView { name, camera, time_s } in self.opened.window.views.clone() {
                     let button = ui.button(&name);
                     self.landmark(&format!("view {name}"), &button);
                     if button.clicked() {

@@ -39,7 +39,6 @@ use mesophyll_viewer::scene::{
 };
 use mesophyll_viewer::{OrbitCamera, Picture};
 use std::collections::{BTreeMap, VecDeque};
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use versions::Versions;
@@ -60,11 +59,9 @@ pub(crate) type DrawnPicture = (u64, [u32; 2], bool);
 
 /// What the window opened with. Nobody changes it; only a leaf's own maps are put here when it is edited first.
 struct Opened {
-    title: String,
+    /// Without its scene.
+    window: WindowScene,
     adapter: AdapterInfo,
-    views: Vec<WindowView>,
-    check_size: [u32; 2],
-    screenshots: PathBuf,
     radius: f32,
     /// The values that are no factors.
     starts: Edits,
@@ -110,12 +107,13 @@ pub(crate) struct View {
 }
 
 /// What follows from the edits and from the view. Each part keeps the version that it was made of.
+#[derive(Default)]
 pub(crate) struct Made {
     pub versions: Versions,
     /// The scene with the edits.
     pub scene: Scene,
     /// The version of the scene that the renderer has.
-    pub uploaded: u64,
+    pub uploaded: Option<u64>,
     /// The picture on the screen; `None` where another one was drawn since.
     pub drawn: Option<DrawnPicture>,
     /// All instances. The scene has fewer while a leaf is shown alone.
@@ -154,19 +152,16 @@ fn aspect([width, height]: [u32; 2]) -> f32 {
 
 impl ViewerUi {
     /// Makes the state of a window. `adapter` is shown beside the frame times.
-    pub fn new(window: WindowScene, editor: Box<dyn Editor>, adapter: &AdapterInfo) -> ViewerUi {
-        let WindowScene { title, scene, camera, views, check_size, screenshots } = window;
+    pub fn new(mut window: WindowScene, editor: Box<dyn Editor>, adapter: &AdapterInfo) -> ViewerUi {
+        let (scene, camera) = (std::mem::take(&mut window.scene), window.camera);
         let (_, radius) = mesophyll_viewer::ball_around(&scene);
         let leaves = || (0..scene.materials.len()).filter_map(|i| Some((i, scene.leaf(i)?)));
         let lights = light::starts(&scene);
         let starts = leaves().flat_map(|(i, _)| editor.start(i).iter().collect::<Vec<_>>()).chain(lights).collect();
         let gloss = |(i, leaf): (usize, &LeafMaterial)| (i, Sides::of(|side| leaf.sides[side].gloss.clone()));
         let opened = Opened {
-            title,
+            window,
             adapter: adapter.clone(),
-            views,
-            check_size,
-            screenshots,
             radius,
             starts,
             plants: editor.plants().into_iter().map(Rc::new).collect(),
@@ -195,19 +190,11 @@ impl ViewerUi {
             picture_size: [1, 1],
         };
         let made = Made {
-            versions: Versions::FIRST,
-            uploaded: 0,
-            drawn: None,
             instances: scene.instances.clone(),
             sun_shares: scene.sun_shares.clone(),
             sun_irradiance: scene.sun.map(|s| s.irradiance),
-            laid_by: BTreeMap::new(),
-            thumbnails: Default::default(),
-            hover: None,
-            check: None,
-            analysis: Default::default(),
-            times: VecDeque::new(),
             scene,
+            ..Made::default()
         };
         let (edits, history, landmarks) = Default::default();
         ViewerUi {
@@ -233,7 +220,7 @@ impl ViewerUi {
     /// a check's picture in a window of this shape.
     pub fn live_camera(&self) -> Camera {
         let Camera { fov_y_deg, .. } = self.view.orbit.camera;
-        let wider = (aspect(self.opened.check_size) / aspect(self.view.picture_size)).max(1.0);
+        let wider = (aspect(self.opened.window.check_size) / aspect(self.view.picture_size)).max(1.0);
         let half = ((0.5 * fov_y_deg.to_radians()).tan() * wider).atan();
         Camera { fov_y_deg: 2.0 * half.to_degrees(), ..self.view.orbit.camera }
     }
@@ -284,12 +271,12 @@ impl ViewerUi {
     }
 
     pub(crate) fn check_size(&self) -> [u32; 2] {
-        self.opened.check_size
+        self.opened.window.check_size
     }
 
     /// Compares `picture` with the reference and takes over the verdict.
     pub(crate) fn finish_check(&mut self, context: &egui::Context, picture: &Picture) {
-        let [width, height] = self.opened.check_size;
+        let [width, height] = self.opened.window.check_size;
         match self.editor.reference(&self.made.scene, &self.view.orbit.camera, width, height) {
             Ok(r) if (r.width, r.height, r.ldr.len()) == (width, height, picture.ldr.len()) => {
                 let verdict = self.editor.judge(picture, &r);
@@ -310,11 +297,11 @@ impl ViewerUi {
         };
         let typed = self.view.shot_name.trim().trim_end_matches(".png");
         let named = |i: u32| match (typed.is_empty(), i) {
-            (true, _) => format!("{}-{i}.png", plain(&self.opened.title)),
+            (true, _) => format!("{}-{i}.png", plain(&self.opened.window.title)),
             (false, 1) => format!("{}.png", plain(typed)),
             (false, _) => format!("{}-{i}.png", plain(typed)),
         };
-        let path = (1..).map(|i| self.opened.screenshots.join(named(i))).find(|p| !p.exists());
+        let path = (1..).map(|i| self.opened.window.screenshots.join(named(i))).find(|p| !p.exists());
         let Some(path) = path else { return };
         self.message = match picture.save_png(&path) {
             Ok(()) => format!("screenshot: {}", path.display()),

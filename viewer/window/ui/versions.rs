@@ -16,7 +16,7 @@ pub(crate) enum Change {
 }
 
 /// The number of the last change, and of the last one of each part.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Versions {
     pub now: u64,
     pub scene: u64,
@@ -26,9 +26,6 @@ pub(crate) struct Versions {
 }
 
 impl Versions {
-    /// The scene as the window opened is the first version.
-    pub(crate) const FIRST: Versions = Versions { now: 1, scene: 1, lights: 1, time: 1, leaves: BTreeMap::new() };
-
     pub(crate) fn change(&mut self, what: Change) {
         self.now += 1;
         match what {
@@ -41,7 +38,7 @@ impl Versions {
     }
 
     pub(crate) fn leaf(&self, leaf: usize) -> u64 {
-        self.leaves.get(&leaf).copied().unwrap_or(1)
+        self.leaves.get(&leaf).copied().unwrap_or_default()
     }
 
     /// The leaves that have changed since a version.

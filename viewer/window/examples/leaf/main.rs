@@ -26,8 +26,9 @@ impl Editor for StandIn {
     fn recompute(&mut self, leaf: usize, edits: &Edits) -> Result<Sides<Interior>, String> {
         let now = self.start(leaf).with(edits.iter(), |_| None);
         let interior = |side| {
-            let sigma = |quantity| now.rgb(EditTarget::LeafSide(leaf, side), quantity).unwrap_or_default();
-            Interior::Scalars(example_leaf::curve([sigma(EditQuantity::SigmaA), sigma(EditQuantity::SigmaS)]))
+            let of = |quantity| now.factor(EditTarget::LeafSide(leaf, side), quantity);
+            let sigmas: [fn(usize) -> EditQuantity; 2] = [EditQuantity::SigmaA, EditQuantity::SigmaS];
+            Interior::Scalars(example_leaf::curve(sigmas.map(|sigma| [0, 1, 2].map(|c| of(sigma(c))))))
         };
         Ok(Sides::of(interior))
     }

@@ -109,7 +109,7 @@ fn branches_are_edited_by_level_and_by_name_and_saved() {
     bench.drag(handle, egui::vec2(30.0, 0.0));
     let edits = bench.branches();
     let edit = load(PlantPart::Level(0), 1.0);
-    assert!(edits.len() == 1 && edits.factor(edit.target, edit.quantity) > 2.0, "{edits:?}");
+    assert!(edits.iter().count() == 1 && edits.factor(edit.target, edit.quantity) > 2.0, "{edits:?}");
     // The plants are posed once, when the pointer lets go.
     assert_eq!(bench.asked.borrow().bent, [edits]);
     assert!(bench.ui.scene().instances[1].transform.w_axis.z > 1.0 && bench.pixels() != before);
