@@ -308,7 +308,8 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
 #[test]
 fn an_edited_plant_is_saved_and_moves_as_it_was_edited() {
     use mesophyll::scene::window::edit::SceneEditor;
-    use mesophyll_window::editor::{BranchEdit, Editor, PlantEdits, PlantPart};
+    use mesophyll_window::edit::{Edit, EditQuantity, EditTarget, Edits};
+    use mesophyll_window::editor::{Editor, PlantPart};
     let dir = tempfile::tempdir().unwrap();
     let text = format!("{SAGGING}{WIND}");
     let open = |extra: &str| {
@@ -318,10 +319,12 @@ fn an_edited_plant_is_saved_and_moves_as_it_was_edited() {
     let mut editor = SceneEditor::new(open(&text), dir.path().join("out")).unwrap();
     let listed = editor.plants();
     assert_eq!((listed.len(), listed[0].branches.clone()), (1, vec![("trunk".to_string(), 0)]));
-    let edit = BranchEdit { taper: 1.5, load: 1.4, lean: 2.0, resonance: 0.5, damping: 2.0 };
-    let bend = |editor: &mut SceneEditor, edit| editor.bend(&PlantEdits::from([((0, PlantPart::Level(0)), edit)]));
-    let before = editor.bend(&PlantEdits::new()).unwrap();
-    let after = bend(&mut editor, edit).unwrap();
+    let target = EditTarget::Plant(0, PlantPart::Level(0));
+    let edit = |(quantity, value)| Edit { target, quantity, value };
+    // Taper, load, lean, resonance, damping.
+    let factors: Edits = EditQuantity::PLANT.into_iter().zip([1.5, 1.4, 2.0, 0.5, 2.0]).map(edit).collect();
+    let before = editor.bend(&Edits::default()).unwrap();
+    let after = editor.bend(&factors).unwrap();
     // The tip goes further, and the wood is thicker there.
     let tip = |s: &mesophyll_viewer::scene::Scene, time: f64| {
         let sections = s.sections.as_ref().unwrap();
@@ -330,7 +333,7 @@ fn an_edited_plant_is_saved_and_moves_as_it_was_edited() {
     assert!(tip(&before, 3.0).distance(tip(&after, 3.0)) > 2.0);
     assert_eq!(before.instances.len(), after.instances.len());
     // A load that no beam carries is refused, and the plant stays as it was.
-    let said = bend(&mut editor, BranchEdit { load: 10.0, ..BranchEdit::NONE }).unwrap_err();
+    let said = editor.bend(&[edit((EditQuantity::Load, 10.0))].into_iter().collect()).unwrap_err();
     assert!(said.contains("at most 0.75"), "{said}");
     let saved = editor.save_plant(0).unwrap();
     assert!(saved.ends_with("out/plants/twig-spec-edit-1.glb"), "{saved}");

@@ -106,6 +106,7 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     use mesophyll::scene::placed::{leaf::LeafSearch, ledger::Ledger};
     use mesophyll::scene::window::edit::SceneEditor;
     use mesophyll_viewer::scene::{Interior, Side};
+    use mesophyll_window::edit::{Edit, EditQuantity, EditTarget, Edits};
     use mesophyll_window::editor::Editor;
 
     let dir = tempfile::tempdir().unwrap();
@@ -114,13 +115,15 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     let manifest = SceneManifest::read(&scene(dir.path(), "front", "elm", Some(30.0), None, "")).unwrap();
     let free = LoadedScene::open(manifest, LeafSearch { free: true, ..LeafSearch::default() }, &Ledger::new()).unwrap();
     let mut editor = SceneEditor::new(free, dir.path().join("out")).unwrap();
-    let start = editor.start(0);
-    assert!((f64::from(start.thickness_mm) - blade.h).abs() < 1e-6);
-    let mut edit = start;
-    edit.thickness_mm *= 2.0;
-    edit.sides.front.rho_s_scale = 0.5;
-    let update = editor.recompute(0, &edit).unwrap();
-    let Interior::Scalars(curve) = &update.sides.back else { panic!("scalars") };
+    let start = editor.start(0).get(EditTarget::Leaf(0), EditQuantity::Thickness).unwrap();
+    assert!((start - blade.h).abs() < 1e-6);
+    let thick = |value: f64| -> Edits {
+        let thickness = Edit { target: EditTarget::Leaf(0), quantity: EditQuantity::Thickness, value };
+        let target = EditTarget::LeafSide(0, Side::Front);
+        [thickness, Edit { target, quantity: EditQuantity::RhoS, value: 0.5 }].into_iter().collect()
+    };
+    let sides = editor.recompute(0, &thick(2.0 * start)).unwrap();
+    let Interior::Scalars(curve) = &sides.back else { panic!("scalars") };
     // ρt of the doubled blade, from the slab itself at the ends of the curve.
     for (h, rho_t) in [(curve.min_mm, curve.rho_t[0]), (curve.max_mm, curve.rho_t[curve.rho_t.len() - 1])] {
         for (c, found) in rho_t.into_iter().enumerate() {
@@ -129,10 +132,8 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
             assert!(exact < slab::medium::response(blade.sigma_a[1][c], blade.sigma_s[1][c], blade.h).rho_t);
         }
     }
-    edit.thickness_mm = -1.0;
-    assert!(editor.recompute(0, &edit).unwrap_err().contains("expected a positive thickness"));
-    edit.thickness_mm = 2.0 * start.thickness_mm;
-    let place = editor.save(0, &edit).unwrap();
+    assert!(editor.recompute(0, &thick(-1.0)).unwrap_err().contains("expected a positive thickness"));
+    let place = editor.save(0, &thick(2.0 * start)).unwrap();
     let record = FitRecord::read(Path::new(&place)).unwrap();
     record.verify(Path::new(&place)).unwrap();
     let h = &record.sections["front"].params["thickness"];

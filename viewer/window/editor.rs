@@ -1,41 +1,10 @@
 //! What the window needs from the program around it. The viewer does not solve the slab, does not draw the reference
 //! and does not judge. An edit is sent through `Editor` and comes back as new curves or maps.
 
+use crate::edit::Edits;
 use glam::Vec3;
 use mesophyll_viewer::Picture;
 use mesophyll_viewer::scene::{Camera, Interior, Scene, Side, Sides, SkyDome};
-use std::collections::BTreeMap;
-
-/// One side's editable parameters (Wang et al. 2005, Fig. 6).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SideEdit {
-    /// Absorption coefficients for red, green and blue (1/mm); for pigment maps, their means.
-    pub sigma_a: [f32; 3],
-    /// Scattering coefficients, in the same way.
-    pub sigma_s: [f32; 3],
-    /// Factor on the fitted ρs map.
-    pub rho_s_scale: f32,
-    /// Factor on the fitted m map.
-    pub m_scale: f32,
-}
-
-/// A leaf's editable parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeafEdit {
-    /// Mean thickness h (mm).
-    pub thickness_mm: f32,
-    /// The parameters of the front and of the back.
-    pub sides: Sides<SideEdit>,
-}
-
-/// The result of an edit: ρd and ρt of the new slab, as curves or maps. The viewer applies the gloss factors.
-#[derive(Debug, Clone)]
-pub struct LeafUpdate {
-    /// Mean thickness h (mm).
-    pub thickness_mm: f32,
-    /// ρd and ρt of the front and of the back.
-    pub sides: Sides<Interior>,
-}
 
 /// The result of a change of sun or turbidity.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,38 +66,15 @@ pub enum PlantPart {
     Branch(usize),
 }
 
-/// Factors on what a branch has in the scene. 1 leaves it as it is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BranchEdit {
-    /// On tip radius over root radius.
-    pub taper: f32,
-    /// On the load that it carries. A branch bends by the load that is added.
-    pub load: f32,
-    /// On the deflection in a steady wind.
-    pub lean: f32,
-    /// On the resonance frequency.
-    pub resonance: f32,
-    /// On the damping.
-    pub damping: f32,
-}
-
-impl BranchEdit {
-    /// The edit that changes nothing.
-    pub const NONE: BranchEdit = BranchEdit { taper: 1.0, load: 1.0, lean: 1.0, resonance: 1.0, damping: 1.0 };
-}
-
-/// Edits of a plant, by its index and the edited part. Those of a level and of a branch of this level are both applied.
-pub type PlantEdits = BTreeMap<(usize, PlantPart), BranchEdit>;
-
 /// The program around the window. Errors are sentences that the window shows. A leaf is given by the index of its
 /// material.
 pub trait Editor {
-    /// The parameters with which editing leaf `leaf` starts, as fitted. It is only called for materials that are
-    /// leaves.
-    fn start(&self, leaf: usize) -> LeafEdit;
+    /// Thickness, σa and σs with which editing leaf `leaf` starts, as fitted; nothing where its reflection is stated.
+    /// For pigment maps, σ is a mean. It is only called for materials that are leaves.
+    fn start(&self, leaf: usize) -> Edits;
 
-    /// Solves the slab for an edit.
-    fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> Result<LeafUpdate, String>;
+    /// Solves the slab of a leaf with edits: ρd and ρt, as curves or maps. The viewer applies the gloss factors.
+    fn recompute(&mut self, leaf: usize, edits: &Edits) -> Result<Sides<Interior>, String>;
 
     /// The sky of a scene with a dome for another sun (a unit vector above the horizon) and turbidity.
     fn sky(&mut self, sun: Vec3, turbidity: f32) -> Result<SkyUpdate, String> {
@@ -149,8 +95,9 @@ pub trait Editor {
         Vec::new()
     }
 
-    /// The scene with edited branches. Its leaves' materials and its lights are as the window opened.
-    fn bend(&mut self, edits: &PlantEdits) -> Result<Scene, String> {
+    /// The scene with edited branches. Edits of a level and of a branch of this level are both applied. The leaves'
+    /// materials and the lights are as the window opened.
+    fn bend(&mut self, edits: &Edits) -> Result<Scene, String> {
         let _ = edits;
         Err("this scene has no plants".into())
     }
@@ -161,8 +108,8 @@ pub trait Editor {
         Err("this scene has no plants".into())
     }
 
-    /// Saves an edit as a new fit, and returns a sentence that says where.
-    fn save(&mut self, leaf: usize, edit: &LeafEdit) -> Result<String, String>;
+    /// Saves a leaf with edits as a new fit, and returns a sentence that says where.
+    fn save(&mut self, leaf: usize, edits: &Edits) -> Result<String, String>;
 
     /// Draws the scene in its present state with the reference renderer.
     fn reference(&mut self, scene: &Scene, camera: &Camera, width: u32, height: u32) -> Result<DisplayPicture, String>;

@@ -5,6 +5,7 @@
 #![warn(missing_docs)]
 
 mod app;
+pub mod edit;
 pub mod editor;
 mod stage;
 mod ui;

@@ -116,7 +116,7 @@ impl WindowStage {
             self.painter.free_texture(id);
         }
         let asked = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
-        let more = state.job.is_some() || state.dirty || following || state.continuous();
+        let more = state.job.is_some() || !state.is_drawn() || following || state.continuous();
         Ok(FrameTasks { platform: output.platform_output, repaint_after: if more { Duration::ZERO } else { asked } })
     }
 
@@ -130,19 +130,19 @@ impl WindowStage {
                 // The reference knows no backdrop, because it lights nothing.
                 self.renderer.show_backdrop(false);
                 let picture = self.renderer.render(&state.camera(), width, height);
-                self.renderer.show_backdrop(state.backdrop_shown);
+                self.renderer.show_backdrop(state.view.backdrop_shown);
                 let picture = picture?;
                 state.finish_check(&self.context, &picture);
             }
             Job::Screenshot => {
-                let [width, height] = state.picture_size;
+                let [width, height] = state.view.picture_size;
                 let picture = self.renderer.render(&state.live_camera(), width, height)?;
                 state.finish_screenshot(&picture);
             }
             Job::Kept => {
-                let Some(kept) = state.kept_state() else { return Ok(()) };
-                let [width, height] = state.picture_size;
-                let now = state.snapshot();
+                let Some(kept) = state.kept_edits() else { return Ok(()) };
+                let [width, height] = state.view.picture_size;
+                let now = state.edits().clone();
                 state.restore(&kept);
                 self.take_over(state)?;
                 let picture = self.renderer.render(&state.live_camera(), width, height)?;
@@ -151,39 +151,33 @@ impl WindowStage {
             }
             Job::Analyse => {
                 // This is the live picture once more, in its own size, so it needs not be drawn again.
-                let [width, height] = state.picture_size;
+                let [width, height] = state.view.picture_size;
                 let picture = self.renderer.render(&state.live_camera(), width, height)?;
                 state.finish_analysis(&self.context, picture);
                 return Ok(());
             }
         }
         // That picture had another size or another state, so the live one must be drawn again.
-        state.dirty = true;
+        state.made.drawn = None;
         Ok(())
     }
 
     /// Uploads what the user has changed. A scene that cannot be drawn is an error only at the start.
     fn take_over(&mut self, state: &mut ViewerUi) -> Result<()> {
-        if state.scene_changed {
-            self.renderer.set_scene(&state.scene)?;
-            state.scene_changed = false;
-            state.leaves_changed.clear();
-            state.lights_changed = false;
-            state.time_changed = false;
-        }
-        for leaf in std::mem::take(&mut state.leaves_changed) {
-            if let Err(error) = self.renderer.set_material(&state.scene, leaf) {
+        let versions = &state.made.versions;
+        let before = state.made.uploaded.replace(versions.now).filter(|before| versions.scene <= *before);
+        let Some(before) = before else { return self.renderer.set_scene(&state.made.scene) };
+        let (timed, lit) = (versions.time > before, versions.lights > before);
+        for leaf in versions.leaves_since(before) {
+            if let Err(error) = self.renderer.set_material(&state.made.scene, leaf) {
                 state.say(error.to_string());
             }
-            state.dirty = true;
         }
-        if let (true, Some(wind)) = (std::mem::take(&mut state.time_changed), &state.scene.wind) {
+        if let (true, Some(wind)) = (timed, &state.made.scene.wind) {
             self.renderer.set_time(wind);
-            state.dirty = true;
         }
-        if std::mem::take(&mut state.lights_changed) {
-            self.renderer.set_lights(&state.scene)?;
-            state.dirty = true;
+        if lit {
+            self.renderer.set_lights(&state.made.scene)?;
         }
         Ok(())
     }
@@ -191,10 +185,10 @@ impl WindowStage {
     /// Draws the picture if something has changed, and measures the time.
     fn draw_picture(&mut self, state: &mut ViewerUi) -> Result<()> {
         self.take_over(state)?;
-        if !state.dirty && !state.continuous() {
+        if state.is_drawn() && !state.continuous() {
             return Ok(());
         }
-        self.renderer.show_backdrop(state.backdrop_shown);
+        self.renderer.show_backdrop(state.view.backdrop_shown);
         let start = Instant::now();
         let [width, height] = state.live_size();
         let device = self.renderer.gpu().device.clone();

@@ -1,10 +1,10 @@
 //! The viewer in a browser: the same renderer and the same shaders as in the window, on a canvas by WebGPU. The page
 //! (`page/`) has the controls, and calls this.
 
-use crate::bundle::{Bundle, LeafSlabs};
+use crate::bundle::{Bundle, BundleView, LeafSlabs};
 use mesophyll_viewer::gpu::{Gpu, Options, instance_descriptor};
 use mesophyll_viewer::scene::{Camera, Instance};
-use mesophyll_viewer::{Error, Orbit, Renderer, ball_around, wgpu};
+use mesophyll_viewer::{Error, OrbitCamera, Renderer, ball_around, wgpu};
 use serde_json::json;
 use std::sync::{Arc, Mutex, PoisonError};
 use wasm_bindgen::prelude::*;
@@ -24,7 +24,7 @@ pub struct Viewer {
 
 struct Shown {
     bundle: Bundle,
-    orbit: Orbit,
+    orbit: OrbitCamera,
     /// Pixels of the picture.
     size: [u32; 2],
 }
@@ -78,8 +78,7 @@ impl Viewer {
     pub fn load(&mut self, bytes: &[u8]) -> Result<String, JsError> {
         let bundle = Bundle::read(bytes).map_err(told)?;
         self.renderer.set_scene(&bundle.scene).map_err(told)?;
-        let view =
-            |v: &crate::bundle::View| json!({"name": v.name, "size": v.size, "reference": v.reference.is_some()});
+        let view = |v: &BundleView| json!({"name": v.name, "size": v.size, "reference": v.reference.is_some()});
         let leaf = |l: &LeafSlabs| json!({"name": bundle.scene.materials[l.material].name(), "slabs": l});
         let triangles = |i: &Instance| bundle.scene.meshes[i.mesh].indices.len() / 3;
         let about = json!({
@@ -92,7 +91,7 @@ impl Viewer {
         let radius = ball_around(&bundle.scene).1;
         let first = &bundle.views[0];
         let (camera, size) = (first.camera, first.size);
-        self.shown = Some(Shown { orbit: Orbit::new(camera, radius), size, bundle });
+        self.shown = Some(Shown { orbit: OrbitCamera::new(camera, radius), size, bundle });
         Ok(about.to_string())
     }
 
@@ -101,7 +100,7 @@ impl Viewer {
         let shown = self.shown.as_mut().ok_or_else(|| told("no scene"))?;
         let view = shown.bundle.views.get(view).ok_or_else(|| told("no such view"))?;
         let radius = ball_around(&shown.bundle.scene).1;
-        (shown.orbit, shown.size) = (Orbit::new(view.camera, radius), view.size);
+        (shown.orbit, shown.size) = (OrbitCamera::new(view.camera, radius), view.size);
         Ok(())
     }
 
@@ -125,7 +124,7 @@ impl Viewer {
         self.moved(|orbit| orbit.zoom(factor));
     }
 
-    fn moved(&mut self, by: impl FnOnce(&mut Orbit)) {
+    fn moved(&mut self, by: impl FnOnce(&mut OrbitCamera)) {
         if let Some(shown) = &mut self.shown {
             by(&mut shown.orbit);
         }

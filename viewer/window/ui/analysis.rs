@@ -1,7 +1,7 @@
 //! The picture in numbers, as image viewers have it: a histogram of what is shown, the luminance in false colours over
 //! a logarithmic scale, and the radiance under the pointer. All of it is read from the picture at rest.
 
-use super::{Job, ViewerUi};
+use super::{DrawnPicture, Job, ViewerUi};
 use egui::{Color32, ColorImage, Rect, RichText, Sense, Stroke, StrokeKind, TextureHandle, TextureOptions, pos2, vec2};
 use mesophyll_viewer::Picture;
 
@@ -75,19 +75,24 @@ pub(crate) struct Analysis {
     false_colour: bool,
     numbers: Option<Numbers>,
     texture: Option<TextureHandle>,
-    /// Whether `numbers` are of the picture that is shown.
-    pub fresh: bool,
+    /// The picture that `numbers` are of.
+    of: Option<DrawnPicture>,
 }
 
 impl ViewerUi {
     /// Shows or hides the luminance in false colours.
     pub fn show_false_colour(&mut self, shown: bool) {
-        self.analysis.false_colour = shown;
+        self.made.analysis.false_colour = shown;
     }
 
     /// Means of red, green and blue as displayed (0 to 255), where the picture was read.
     pub fn means(&self) -> Option<[f32; 3]> {
-        self.analysis.numbers.as_ref().filter(|_| self.analysis.fresh).map(|n| n.means)
+        self.fresh_numbers().map(|n| n.means)
+    }
+
+    /// The numbers of the picture that is shown.
+    fn fresh_numbers(&self) -> Option<&Numbers> {
+        self.made.analysis.numbers.as_ref().filter(|_| self.made.analysis.of == Some(self.picture()))
     }
 
     /// Takes over the picture at rest.
@@ -96,19 +101,20 @@ impl ViewerUi {
         let numbers = Numbers::of(picture);
         let pixels = numbers.picture.hdr.iter().map(|p| colour(numbers.share(luminance(*p)))).collect();
         let image = ColorImage::new(size, pixels);
-        self.analysis.texture = Some(context.load_texture("false colours", image, TextureOptions::NEAREST));
-        self.analysis.numbers = Some(numbers);
-        self.analysis.fresh = true;
+        self.made.analysis.texture = Some(context.load_texture("false colours", image, TextureOptions::NEAREST));
+        self.made.analysis.numbers = Some(numbers);
+        self.made.analysis.of = Some(self.picture());
     }
 
     /// Shows the false colours in place of the picture, and asks for numbers where they are missing.
     pub(super) fn show_analysis(&mut self, painter: &egui::Painter, rect: Rect) {
-        let asked = self.analysis.histogram || self.analysis.false_colour;
-        let resting = !self.moving && !self.continuous() && !self.dirty && !self.scene_changed;
-        if asked && !self.analysis.fresh && resting && self.job.is_none() {
+        let asked = self.made.analysis.histogram || self.made.analysis.false_colour;
+        let resting = !self.view.moving && !self.continuous() && self.is_drawn();
+        let fresh = self.fresh_numbers().is_some();
+        if asked && !fresh && resting && self.job.is_none() {
             self.job = Some(Job::Analyse);
         }
-        let texture = self.analysis.texture.as_ref().filter(|_| self.analysis.false_colour && self.analysis.fresh);
+        let texture = self.made.analysis.texture.as_ref().filter(|_| self.made.analysis.false_colour && fresh);
         if let Some(texture) = texture {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(texture.id(), rect, whole, Color32::WHITE);
@@ -117,20 +123,20 @@ impl ViewerUi {
 
     pub(super) fn analysis_panel(&mut self, ui: &mut egui::Ui) {
         ui.heading("Picture");
-        let histogram = ui.checkbox(&mut self.analysis.histogram, "histogram");
+        let histogram = ui.checkbox(&mut self.made.analysis.histogram, "histogram");
         let histogram = histogram.on_hover_text("displayed red, green and blue (0 to 255), of the picture at rest");
         self.landmark("histogram", &histogram);
-        let colours = ui.checkbox(&mut self.analysis.false_colour, "luminance in false colours");
+        let colours = ui.checkbox(&mut self.made.analysis.false_colour, "luminance in false colours");
         let colours =
             colours.on_hover_text("luminance before exposure, on a logarithmic scale, in the scene's unit of radiance");
         self.landmark("false colour", &colours);
-        let Some(numbers) = self.analysis.numbers.as_ref().filter(|_| self.analysis.fresh) else { return };
-        if self.analysis.histogram {
+        let Some(numbers) = self.fresh_numbers() else { return };
+        if self.made.analysis.histogram {
             draw_histogram(ui, numbers);
             let [r, g, b] = numbers.means;
             ui.label(RichText::new(format!("mean {r:.1} {g:.1} {b:.1} of 255")).small());
         }
-        if self.analysis.false_colour {
+        if self.made.analysis.false_colour {
             let (response, painter) = ui.allocate_painter(vec2(ui.available_width().min(250.0), 12.0), Sense::hover());
             let rect = response.rect;
             let width = rect.width() / 64.0;
@@ -144,7 +150,7 @@ impl ViewerUi {
             ui.label(RichText::new(text).small())
                 .on_hover_text("1 % and 99 % of the pixels with light are below the ends");
         }
-        if let Some(at) = self.pointer_pixel {
+        if let Some(at) = self.view.pointer_pixel {
             let picture = &numbers.picture;
             if at[0] < picture.width && at[1] < picture.height {
                 let [r, g, b, _] = picture.radiance(at[0], at[1]);

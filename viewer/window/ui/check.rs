@@ -16,8 +16,8 @@ pub(crate) struct Check {
     /// Picture, reference, difference.
     textures: [TextureHandle; 3],
     size: [u32; 2],
-    /// Whether the scene or the camera has changed since.
-    pub stale: bool,
+    /// The version of scene and camera that was checked.
+    version: u64,
 }
 
 /// How a check is laid out.
@@ -58,6 +58,7 @@ impl Check {
         picture: &Picture,
         reference: &DisplayPicture,
         verdict: ComparisonVerdict,
+        version: u64,
     ) -> Check {
         let size = [picture.width as usize, picture.height as usize];
         let load = |name: &str, pixels: &[[u8; 4]]| {
@@ -69,7 +70,7 @@ impl Check {
             load(NAMES[1], &reference.ldr),
             load(NAMES[2], &difference(&picture.ldr, &reference.ldr)),
         ];
-        Check { verdict, textures, size: [picture.width, picture.height], stale: false }
+        Check { verdict, textures, size: [picture.width, picture.height], version }
     }
 }
 
@@ -84,7 +85,7 @@ impl ViewerUi {
                 self.request_check();
             }
         });
-        let Some(check) = &self.check else {
+        let Some(check) = &self.made.check else {
             ui.label(RichText::new("Not checked yet.").weak());
             return;
         };
@@ -94,7 +95,7 @@ impl ViewerUi {
             ("failed", Color32::from_rgb(230, 90, 80))
         };
         ui.label(RichText::new(word).strong().size(18.0).color(colour));
-        if check.stale {
+        if check.version != self.made.versions.now {
             ui.label(RichText::new("The scene or the view has changed since.").color(Color32::from_rgb(220, 170, 60)));
         }
         // A name may be longer than the panel is wide, so the numbers stand below it.
@@ -110,7 +111,7 @@ impl ViewerUi {
         if !check.verdict.note.is_empty() {
             ui.label(RichText::new(&check.verdict.note).small());
         }
-        let mut show = self.show_check;
+        let mut show = self.view.show_check;
         ui.horizontal_wrapped(|ui| {
             for (choice, name) in [
                 (None, "live"),
@@ -122,10 +123,10 @@ impl ViewerUi {
                 self.landmark(name, &response);
             }
         });
-        self.show_check = show;
+        self.view.show_check = show;
         if show == Some(CheckLayout::Wiped) {
             ui.spacing_mut().slider_width = 110.0;
-            let line = ui.add(egui::Slider::new(&mut self.wipe, 0.0..=1.0).show_value(false).text("line"));
+            let line = ui.add(egui::Slider::new(&mut self.view.wipe, 0.0..=1.0).show_value(false).text("line"));
             self.landmark("check wipe", &line);
             line.on_hover_text("left of the line is the picture, right of it the reference");
         }
@@ -133,15 +134,19 @@ impl ViewerUi {
 
     /// Shows the pictures in place of the live one.
     pub(super) fn check_view(&self, ui: &mut egui::Ui, layout: CheckLayout) {
-        let Some(check) = &self.check else { return };
+        let Some(check) = &self.made.check else { return };
         let area = ui.available_rect_before_wrap();
         let aspect = check.size[0] as f32 / check.size[1] as f32;
         let caption = 20.0;
-        let show = |which: usize, cell: Rect| {
-            let room = vec2(cell.width(), cell.height() - caption);
+        // The largest picture in an area, below its name.
+        let fitted = |area: Rect| {
+            let room = vec2(area.width(), area.height() - caption);
             let size =
                 if room.x / room.y > aspect { vec2(room.y * aspect, room.y) } else { vec2(room.x, room.x / aspect) };
-            let rect = Rect::from_center_size(cell.center() + vec2(0.0, 0.5 * caption), size);
+            Rect::from_center_size(area.center() + vec2(0.0, 0.5 * caption), size)
+        };
+        let show = |which: usize, cell: Rect| {
+            let rect = fitted(cell);
             let painter = ui.painter();
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(check.textures[which].id(), rect, whole, Color32::WHITE);
@@ -162,15 +167,9 @@ impl ViewerUi {
             }
             CheckLayout::Wiped => {
                 // Names of both stand above their sides.
-                let room = vec2(area.width(), area.height() - caption);
-                let size = if room.x / room.y > aspect {
-                    vec2(room.y * aspect, room.y)
-                } else {
-                    vec2(room.x, room.x / aspect)
-                };
-                let rect = Rect::from_center_size(area.center() + vec2(0.0, 0.5 * caption), size);
-                part(ui.painter(), check.textures[1].id(), rect, self.wipe, false);
-                part(ui.painter(), check.textures[0].id(), rect, self.wipe, true);
+                let rect = fitted(area);
+                part(ui.painter(), check.textures[1].id(), rect, self.view.wipe, false);
+                part(ui.painter(), check.textures[0].id(), rect, self.view.wipe, true);
                 let font = egui::FontId::proportional(14.0);
                 let sides =
                     [(rect.left_top(), egui::Align2::LEFT_BOTTOM), (rect.right_top(), egui::Align2::RIGHT_BOTTOM)];

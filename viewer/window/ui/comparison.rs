@@ -2,14 +2,14 @@
 //! the camera moves, so both always show the same view.
 
 use super::ViewerUi;
-use super::history::Snapshot;
+use crate::edit::Edits;
 use egui::{Color32, ColorImage, Rect, Slider, Stroke, TextureHandle, TextureId, TextureOptions, pos2, vec2};
 use mesophyll_viewer::Picture;
 use mesophyll_viewer::scene::Camera;
 
-/// The state that was kept, and its picture where it is drawn.
+/// The edits that were kept, and its picture where it is drawn.
 pub(crate) struct Kept {
-    pub state: Snapshot,
+    pub edits: Edits,
     /// The picture, with the camera and the size that it was drawn for.
     shown: Option<(TextureHandle, Camera, [u32; 2])>,
 }
@@ -30,21 +30,21 @@ pub(super) fn part(painter: &egui::Painter, picture: TextureId, rect: Rect, wipe
 impl ViewerUi {
     /// Keeps the present state as A. Its picture is drawn with the next frame.
     pub fn keep(&mut self) {
-        self.kept = Some(Kept { state: self.snapshot(), shown: None });
+        self.kept = Some(Kept { edits: self.edits.clone(), shown: None });
     }
 
     /// Makes A the present state, and the present state A.
     pub fn swap(&mut self) {
-        let now = self.snapshot();
+        let now = self.edits.clone();
         if let Some(kept) = self.kept.take() {
-            self.restore(&kept.state);
-            self.kept = Some(Kept { state: now, shown: None });
+            self.restore(&kept.edits);
+            self.kept = Some(Kept { edits: now, shown: None });
         }
     }
 
-    /// The state that was kept as A.
-    pub(crate) fn kept_state(&self) -> Option<Snapshot> {
-        self.kept.as_ref().map(|k| k.state.clone())
+    /// The edits that were kept as A.
+    pub(crate) fn kept_edits(&self) -> Option<Edits> {
+        self.kept.as_ref().map(|k| k.edits.clone())
     }
 
     /// Takes over the picture of A.
@@ -70,7 +70,7 @@ impl ViewerUi {
         if ui.available_size_before_wrap().x < 200.0 {
             ui.end_row();
         }
-        let wipe = Slider::new(&mut self.wipe, 0.0..=1.0).show_value(false).text("A | B");
+        let wipe = Slider::new(&mut self.view.wipe, 0.0..=1.0).show_value(false).text("A | B");
         let wipe = ui.add(wipe).on_hover_text("left of the line is A, right of it the present state");
         self.landmark("wipe", &wipe);
         let swap = ui.button("Swap").on_hover_text("makes A the present state, and the present state A");
@@ -87,20 +87,20 @@ impl ViewerUi {
 
     /// Shows A on the left of the line, and asks for its picture where that is not of the present view.
     pub(super) fn show_kept(&mut self, painter: &egui::Painter, rect: Rect) {
-        let (camera, size) = (self.live_camera(), self.picture_size);
+        let (camera, size) = (self.live_camera(), self.view.picture_size);
         let Some(kept) = &self.kept else { return };
         match &kept.shown {
             Some((texture, drawn, pixels)) if (*drawn, *pixels) == (camera, size) => {
-                part(painter, texture.id(), rect, self.wipe, true);
+                part(painter, texture.id(), rect, self.view.wipe, true);
                 let font = egui::FontId::proportional(15.0);
                 for (name, side, align) in [("A", -8.0, egui::Align2::RIGHT_TOP), ("B", 8.0, egui::Align2::LEFT_TOP)] {
-                    let at = pos2(rect.left() + self.wipe * rect.width(), rect.top()) + vec2(side, 6.0);
+                    let at = pos2(rect.left() + self.view.wipe * rect.width(), rect.top()) + vec2(side, 6.0);
                     let at = pos2(at.x.clamp(rect.left() + 14.0, rect.right() - 14.0), at.y);
                     painter.text(at + vec2(1.0, 1.0), align, name, font.clone(), Color32::BLACK);
                     painter.text(at, align, name, font.clone(), Color32::WHITE);
                 }
             }
-            _ if !self.moving && !self.continuous() && self.job.is_none() => {
+            _ if !self.view.moving && !self.continuous() && self.job.is_none() => {
                 self.job = Some(super::Job::Kept);
             }
             _ => {}

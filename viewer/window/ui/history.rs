@@ -2,59 +2,28 @@
 //! of branches, or of the lights. The camera is no edit.
 
 use super::ViewerUi;
-use super::light::Light;
-use crate::editor::{LeafEdit, PlantEdits};
+use crate::edit::{Edit, Edits};
 use egui::{Key, Modifiers};
-use std::collections::BTreeMap;
 
 /// Most steps that are kept.
 const MOST: usize = 200;
 
-/// Everything that a user edits.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct Snapshot {
-    pub leaves: BTreeMap<usize, LeafEdit>,
-    pub branches: PlantEdits,
-    pub light: Light,
+/// The edits that a step made, and those that take it back.
+struct Step {
+    forth: Vec<Edit>,
+    back: Vec<Edit>,
 }
 
-/// The states before the present one and, after an undo, those after it.
+/// The steps until the present state and, after an undo, those after it.
 #[derive(Default)]
 pub(crate) struct History {
-    past: Vec<Snapshot>,
-    future: Vec<Snapshot>,
-    /// The state after the last step.
-    settled: Snapshot,
-}
-
-impl History {
-    pub(crate) fn new(settled: Snapshot) -> History {
-        History { settled, ..History::default() }
-    }
+    past: Vec<Step>,
+    future: Vec<Step>,
+    /// The edits after the last step.
+    settled: Edits,
 }
 
 impl ViewerUi {
-    /// The present state.
-    pub(crate) fn snapshot(&self) -> Snapshot {
-        let (leaves, branches) = (self.edits.clone(), self.branch_edits().clone());
-        Snapshot { leaves, branches, light: self.light() }
-    }
-
-    /// Makes a state the present one. What the editor refuses stays as it is, and the message says why.
-    pub(crate) fn restore(&mut self, to: &Snapshot) {
-        for (leaf, edit) in &to.leaves {
-            match self.edits.get(leaf) == Some(edit) {
-                true => {}
-                false if self.starts.get(leaf) == Some(edit) => self.reset(*leaf),
-                false => self.set_edit(*leaf, *edit),
-            }
-        }
-        if to.branches != *self.branch_edits() {
-            self.bend(to.branches.clone());
-        }
-        self.set_light(to.light);
-    }
-
     /// Takes the present state as a step, unless a drag or typing is still going on.
     pub(super) fn remember(&mut self, context: &egui::Context) {
         if !context.input(|i| i.pointer.any_down()) && !context.egui_wants_keyboard_input() {
@@ -63,9 +32,12 @@ impl ViewerUi {
     }
 
     fn settle(&mut self) {
-        let now = self.snapshot();
-        if now != self.history.settled {
-            self.history.past.push(std::mem::replace(&mut self.history.settled, now));
+        let start = |e: &Edit| self.start(e.target, e.quantity);
+        let (now, before) = (&self.edits, &self.history.settled);
+        if now != before {
+            let step = Step { forth: now.since(before, start), back: before.since(now, start) };
+            self.history.settled = now.clone();
+            self.history.past.push(step);
             self.history.future.clear();
             if self.history.past.len() > MOST {
                 self.history.past.remove(0);
@@ -76,20 +48,20 @@ impl ViewerUi {
     /// Takes the last step back.
     pub fn undo(&mut self) {
         self.settle();
-        if let Some(to) = self.history.past.pop() {
-            self.history.future.push(self.history.settled.clone());
-            self.restore(&to);
-            self.history.settled = self.snapshot();
+        if let Some(step) = self.history.past.pop() {
+            self.edit(step.back.iter().copied());
+            self.history.settled = self.edits.clone();
+            self.history.future.push(step);
         }
     }
 
     /// Takes a step again that was taken back.
     pub fn redo(&mut self) {
         self.settle();
-        if let Some(to) = self.history.future.pop() {
-            self.history.past.push(self.history.settled.clone());
-            self.restore(&to);
-            self.history.settled = self.snapshot();
+        if let Some(step) = self.history.future.pop() {
+            self.edit(step.forth.iter().copied());
+            self.history.settled = self.edits.clone();
+            self.history.past.push(step);
         }
     }
 

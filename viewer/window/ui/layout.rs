@@ -7,7 +7,7 @@ impl ViewerUi {
     /// Lays everything out. The picture is drawn into the texture `picture`.
     pub(crate) fn show(&mut self, ui: &mut egui::Ui, picture: TextureId) {
         self.history_keys(ui.ctx());
-        if self.scene.leaf(self.leaf).is_some() {
+        if self.made.scene.leaf(self.view.leaf).is_some() {
             egui::Panel::left("appearance").exact_size(290.0).resizable(false).show(ui, |ui| {
                 egui::ScrollArea::vertical().show(ui, |ui| self.appearance(ui));
             });
@@ -43,8 +43,10 @@ impl ViewerUi {
             ui.horizontal(|ui| {
                 let shot = ui.button("Screenshot").on_hover_text("writes the picture as PNG, without the panels");
                 self.landmark("screenshot", &shot);
-                let name = egui::TextEdit::singleline(&mut self.shot_name).hint_text("its name").desired_width(110.0);
-                let name = ui.add(name).on_hover_text(format!("a file in {}", self.screenshots.display()));
+                let name =
+                    egui::TextEdit::singleline(&mut self.view.shot_name).hint_text("its name").desired_width(110.0);
+                let name =
+                    ui.add(name).on_hover_text(format!("a file in {}", self.opened.window.screenshots.display()));
                 self.landmark("screenshot name", &name);
                 if shot.clicked() {
                     self.request_screenshot();
@@ -54,8 +56,8 @@ impl ViewerUi {
                 ui.add(egui::Label::new(text).truncate()).on_hover_text(text);
             });
         });
-        egui::CentralPanel::no_frame().show(ui, |ui| match self.show_check {
-            Some(layout) if self.check.is_some() => self.check_view(ui, layout),
+        egui::CentralPanel::no_frame().show(ui, |ui| match self.view.show_check {
+            Some(layout) if self.made.check.is_some() => self.check_view(ui, layout),
             _ => self.live_view(ui, picture),
         });
         self.remember(ui.ctx());

@@ -1,135 +1,117 @@
 //! The lights panel: the sun's direction, the brightness of sun and sky, exposure, and the scene's own views.
 
-use super::{ViewerUi, WindowView};
-use egui::{RichText, Slider, SliderClamping};
+use super::{Change, ViewerUi, WindowView};
+use crate::edit::{Edit, EditQuantity, EditTarget, Edits};
+use egui::RichText;
 use glam::Vec3;
 use mesophyll_viewer::OrbitCamera;
+use mesophyll_viewer::scene::Scene;
 use std::sync::Arc;
 
-/// Sliders change a value only when they are moved, because the scene's own sun has more digits than a slider shows.
-const EDITS: SliderClamping = SliderClamping::Edits;
-
 /// Azimuth from +x towards +y, and elevation above the horizon, of a direction (degrees).
-pub(crate) fn angles(direction: Vec3) -> (f32, f32) {
+fn angles(direction: Vec3) -> (f32, f32) {
     (direction.y.atan2(direction.x).to_degrees(), direction.z.clamp(-1.0, 1.0).asin().to_degrees())
 }
 
 /// The direction with an azimuth and an elevation (degrees).
-pub(crate) fn direction(azimuth: f32, elevation: f32) -> Vec3 {
+fn direction(azimuth: f32, elevation: f32) -> Vec3 {
     let ((sin_a, cos_a), (sin_e, cos_e)) = (azimuth.to_radians().sin_cos(), elevation.to_radians().sin_cos());
     Vec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
 }
 
-/// The lights as a user sets them.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Light {
-    /// Direction to the sun, where the scene has one. The scene's own has more digits than the angles.
-    pub direction: Option<Vec3>,
-    /// Azimuth and elevation of the sun (degrees).
-    pub azimuth: f32,
-    pub elevation: f32,
-    pub sun_factor: f32,
-    pub sky_factor: f32,
-    pub turbidity: f32,
-    pub exposure: f32,
+/// The lights of a scene as values.
+pub(super) fn starts(scene: &Scene) -> Vec<Edit> {
+    let angles = scene.sun.map(|s| angles(s.direction));
+    let turbidity = scene.dome.as_ref().filter(|dome| dome.is_model()).map(|dome| dome.turbidity);
+    let values = [
+        (EditQuantity::Azimuth, angles.map(|a| a.0)),
+        (EditQuantity::Elevation, angles.map(|a| a.1)),
+        (EditQuantity::Turbidity, turbidity),
+        (EditQuantity::Exposure, Some(scene.exposure)),
+    ];
+    let edit = |(quantity, value): (_, Option<f32>)| {
+        Some(Edit { target: EditTarget::Light, quantity, value: f64::from(value?) })
+    };
+    values.into_iter().filter_map(edit).collect()
 }
 
 impl ViewerUi {
-    /// The lights as the sliders show them.
-    pub(super) fn light(&self) -> Light {
-        Light {
-            direction: self.scene.sun.map(|s| s.direction),
-            azimuth: self.sun_angles.0,
-            elevation: self.sun_angles.1,
-            sun_factor: self.sun_factor,
-            sky_factor: self.sky_factor,
-            turbidity: self.turbidity,
-            exposure: self.scene.exposure,
+    /// Whether the sky is one of a model, which follows the sun.
+    pub(super) fn has_model(&self) -> bool {
+        self.made.scene.dome.as_ref().is_some_and(|dome| dome.is_model())
+    }
+
+    /// Direction to the sun with `edits`. A sun that nobody has moved keeps the digits of the scene's own.
+    fn sun_direction(&self, edits: &Edits) -> Option<Vec3> {
+        let own = self.opened.sun_direction?;
+        let angles = [EditQuantity::Azimuth, EditQuantity::Elevation];
+        if angles.iter().all(|q| edits.get(EditTarget::Light, *q).is_none()) {
+            return Some(own);
         }
+        let [azimuth, elevation] = angles.map(|q| self.with(edits, EditTarget::Light, q));
+        Some(direction(azimuth? as f32, elevation? as f32))
     }
 
     /// Changes the lights, and asks for another sky where the sun or the air has changed.
-    pub(super) fn set_light(&mut self, to: Light) {
-        let before = self.light();
-        if to == before {
-            return;
+    pub(super) fn relight(&mut self, edits: &Edits) -> Result<(), String> {
+        let value = |edits: &Edits, q| self.with(edits, EditTarget::Light, q).map(|v| v as f32);
+        let factor = |q| edits.factor(EditTarget::Light, q) as f32;
+        let (sun_factor, sky_factor) = (factor(EditQuantity::Sun), factor(EditQuantity::Sky));
+        let (direction, before) = (self.sun_direction(edits), self.sun_direction(&self.edits));
+        let [turbidity, air] = [edits, &self.edits].map(|e| value(e, EditQuantity::Turbidity));
+        let exposure = value(edits, EditQuantity::Exposure);
+        let renewed = (direction, turbidity) != (before, air) && self.has_model();
+        if let (true, Some(direction), Some(turbidity)) = (renewed, direction, turbidity) {
+            let update = self.editor.sky(direction, turbidity)?;
+            self.made.scene.dome = Some(update.dome);
+            self.made.sun_irradiance = Some(update.sun_irradiance);
         }
-        self.sun_angles = (to.azimuth, to.elevation);
-        (self.sun_factor, self.sky_factor, self.turbidity) = (to.sun_factor, to.sky_factor, to.turbidity);
-        self.scene.exposure = to.exposure;
-        if let (Some(sun), Some(direction)) = (&mut self.scene.sun, to.direction) {
-            sun.direction = direction;
+        let scene = &mut self.made.scene;
+        if let (Some(sun), Some(direction), Some(own)) = (&mut scene.sun, direction, self.made.sun_irradiance) {
+            (sun.direction, sun.irradiance) = (direction, own.map(|v| v * sun_factor));
         }
-        if (before.direction, before.turbidity) != (to.direction, to.turbidity) {
-            self.renew_sky();
+        scene.sky = self.opened.sky.map(|sky| sky.map(|v| v * sky_factor));
+        if let Some(dome) = &mut scene.dome {
+            dome.strength = sky_factor;
         }
-        if let (Some(sun), Some(own)) = (&mut self.scene.sun, self.own_sun) {
-            sun.irradiance = own.map(|v| v * self.sun_factor);
-        }
-        self.scene.sky = self.own_sky.map(|sky| sky.map(|v| v * self.sky_factor));
-        if let Some(dome) = &mut self.scene.dome {
-            dome.strength = self.sky_factor;
-        }
-        self.lights_changed = true;
-        self.make_stale();
+        scene.exposure = exposure.unwrap_or(scene.exposure);
+        self.made.versions.change(Change::Lights);
+        Ok(())
     }
 
     pub(super) fn lights(&mut self, ui: &mut egui::Ui) {
         ui.heading("Light");
         self.light_presets(ui);
         ui.spacing_mut().slider_width = 110.0;
-        let mut light = self.light();
-        let model = self.scene.dome.as_ref().is_some_and(|dome| dome.is_model());
-        if light.direction.is_some() {
-            // The angles are stored besides the direction, because a direction at the zenith has no azimuth.
-            let azimuth = Slider::new(&mut light.azimuth, -180.0..=180.0);
-            let azimuth = ui.add(azimuth.suffix("°").max_decimals(1).clamping(EDITS).text("azimuth"));
-            self.landmark("azimuth", &azimuth);
-            // Under the model of a sky the sun cannot go below the horizon.
-            let lowest = if model { 0.0 } else { -90.0 };
-            let elevation = Slider::new(&mut light.elevation, lowest..=90.0);
-            let elevation = ui.add(elevation.suffix("°").max_decimals(1).clamping(EDITS).text("elevation"));
-            self.landmark("elevation", &elevation);
-            if azimuth.changed() || elevation.changed() {
-                light.direction = Some(direction(light.azimuth, light.elevation));
+        if self.made.scene.sun.is_some() {
+            for quantity in [EditQuantity::Azimuth, EditQuantity::Elevation, EditQuantity::Sun] {
+                self.slider(ui, EditTarget::Light, quantity);
             }
-            azimuth.on_hover_text("the sun's azimuth, in degrees from +x towards +y");
-            elevation.on_hover_text("the sun's height above the horizon, in degrees");
-            let factor = ui.add(Slider::new(&mut light.sun_factor, 0.0..=4.0).text("sun ×"));
-            factor.on_hover_text("factor on the sun's irradiance; 1 is the scene's");
         } else {
             ui.label(RichText::new("This scene has no sun.").weak());
         }
-        if model {
-            let slider = Slider::new(&mut light.turbidity, 1.7..=10.0);
-            let turbidity = ui.add(slider.max_decimals(2).clamping(EDITS).text("turbidity"));
-            self.landmark("turbidity", &turbidity);
-            turbidity.on_hover_text("haze in the air, without a unit: 2 is very clear, 6 is hazy");
+        if self.has_model() {
+            self.slider(ui, EditTarget::Light, EditQuantity::Turbidity);
         }
-        if self.scene.sky.is_some() || self.scene.dome.is_some() {
-            let factor = ui.add(Slider::new(&mut light.sky_factor, 0.0..=4.0).text("sky ×"));
-            factor.on_hover_text("factor on the sky's radiance; 1 is the scene's");
+        if self.made.scene.sky.is_some() || self.made.scene.dome.is_some() {
+            self.slider(ui, EditTarget::Light, EditQuantity::Sky);
         } else {
             ui.label(RichText::new("This scene has no sky.").weak());
         }
-        let exposure = ui.add(Slider::new(&mut light.exposure, 1e-3..=1e3).logarithmic(true).text("exposure"));
-        self.landmark("exposure", &exposure);
-        exposure.on_hover_text("factor on radiance before it is shown as x / (1 + x)");
-        self.set_light(light);
-        if self.scene.backdrop.is_some() {
-            let shown = ui.checkbox(&mut self.backdrop_shown, "environment map behind");
+        self.slider(ui, EditTarget::Light, EditQuantity::Exposure);
+        if self.made.scene.backdrop.is_some() {
+            let shown = ui.checkbox(&mut self.view.backdrop_shown, "environment map behind");
             self.landmark("backdrop", &shown);
-            self.dirty |= shown.changed();
             shown.on_hover_text("the picture of --background; it lights nothing, and checks leave it out");
         }
-        if !self.views.is_empty() {
+        if !self.opened.window.views.is_empty() {
             ui.horizontal_wrapped(|ui| {
                 ui.label("view");
-                for WindowView { name, camera, time_s } in self.views.clone() {
+                for WindowView { name, camera, time_s } in self.opened.window.views.clone() {
                     let button = ui.button(&name);
                     self.landmark(&format!("view {name}"), &button);
                     if button.clicked() {
-                        self.orbit = OrbitCamera::new(camera, self.radius);
+                        self.view.orbit = OrbitCamera::new(camera, self.opened.radius);
                         self.camera_changed();
                         if let Some(time_s) = time_s {
                             self.set_time(time_s);
@@ -144,7 +126,7 @@ impl ViewerUi {
     /// Until then the vertices keep their old shares. If the shares cannot be computed, a message says so once. Returns
     /// whether another frame must follow.
     pub(crate) fn follow_sun(&mut self) -> bool {
-        let (Some(old), Some(sun)) = (&self.sun_shares, self.scene.sun) else { return false };
+        let (Some(old), Some(sun)) = (&self.made.sun_shares, self.made.scene.sun) else { return false };
         let (new, more) = match self.editor.shares(sun.direction) {
             Ok(found) => found,
             Err(reason) => {
@@ -154,29 +136,12 @@ impl ViewerUi {
             }
         };
         if let Some(new) = new.filter(|new| new.len() == old.len()) {
-            self.sun_shares = Some(Arc::new(new));
-            if !self.alone {
-                self.scene.sun_shares = self.sun_shares.clone();
-                self.lights_changed = true;
-                self.make_stale();
+            self.made.sun_shares = Some(Arc::new(new));
+            if !self.view.alone {
+                self.made.scene.sun_shares = self.made.sun_shares.clone();
+                self.made.versions.change(Change::Lights);
             }
         }
         more
-    }
-
-    /// Requests the sky for the present sun and turbidity. A refusal is shown, and the sky stays unchanged.
-    fn renew_sky(&mut self) {
-        let (Some(dome), Some(sun)) = (&self.scene.dome, self.scene.sun) else { return };
-        if !dome.is_model() {
-            return;
-        }
-        match self.editor.sky(sun.direction, self.turbidity) {
-            Ok(update) => {
-                self.message.clear();
-                self.scene.dome = Some(update.dome);
-                self.own_sun = Some(update.sun_irradiance);
-            }
-            Err(reason) => self.message = reason,
-        }
     }
 }

@@ -10,10 +10,7 @@ impl ViewerUi {
         self.landmark("picture", &response);
         let scale = ui.ctx().pixels_per_point();
         let size = [rect.width(), rect.height()].map(|s| (s * scale).round().max(1.0) as u32);
-        if size != self.picture_size {
-            self.picture_size = size;
-            self.dirty = true;
-        }
+        self.view.picture_size = size;
         let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
         ui.painter().image(picture, rect, whole, egui::Color32::WHITE);
         self.show_analysis(ui.painter(), rect);
@@ -27,21 +24,18 @@ impl ViewerUi {
             if panning {
                 // These are shares of the view in a check's picture. The live picture may show more.
                 let tan = |fov: f32| (0.5 * fov.to_radians()).tan();
-                let wider = tan(self.live_camera().fov_y_deg) / tan(self.orbit.camera.fov_y_deg);
-                self.orbit.pan(wider * moved.x / rect.height(), wider * moved.y / rect.height());
+                let wider = tan(self.live_camera().fov_y_deg) / tan(self.view.orbit.camera.fov_y_deg);
+                self.view.orbit.pan(wider * moved.x / rect.height(), wider * moved.y / rect.height());
             } else {
-                self.orbit.turn(moved.x * 0.008, moved.y * 0.008);
+                self.view.orbit.turn(moved.x * 0.008, moved.y * 0.008);
             }
             self.camera_changed();
         }
-        self.moving = response.dragged();
-        if !self.moving && self.drawn_as_draft {
-            self.dirty = true;
-        }
+        self.view.moving = response.dragged();
         if response.hovered() {
             let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
             if scroll != 0.0 || zoom != 1.0 {
-                self.orbit.zoom((scroll * 0.0025).exp() * zoom);
+                self.view.orbit.zoom((scroll * 0.0025).exp() * zoom);
                 self.camera_changed();
             }
         }
@@ -51,21 +45,21 @@ impl ViewerUi {
             let at = (p - rect.min) / rect.size();
             [at.x * size[0] as f32, at.y * size[1] as f32].map(|v| v as u32)
         };
-        self.pointer_pixel = pointer.map(pixel);
+        self.view.pointer_pixel = pointer.map(pixel);
         let hit = pointer.and_then(|p| {
             let at = (p - rect.min) / rect.size();
-            pick(&self.scene, &self.live_camera(), aspect, at.x, at.y)
+            pick(&self.made.scene, &self.live_camera(), aspect, at.x, at.y)
         });
-        self.hover = hit.map(|hit| match self.hover.take() {
+        self.made.hover = hit.map(|hit| match self.made.hover.take() {
             Some((old, rows)) if (old.material, old.side, old.texel) == (hit.material, hit.side, hit.texel) => {
                 (hit, rows)
             }
-            _ if self.scene.leaf(hit.material).is_none() => (hit, Vec::new()),
+            _ if self.made.scene.leaf(hit.material).is_none() => (hit, Vec::new()),
             _ => (hit, self.editor.probe(hit.material, hit.side, hit.texel)),
         });
         if let (true, Some(hit)) = (response.clicked(), hit) {
-            self.side = hit.side;
-            if hit.material != self.leaf && self.scene.leaf(hit.material).is_some() {
+            self.view.side = hit.side;
+            if hit.material != self.view.leaf && self.made.scene.leaf(hit.material).is_some() {
                 self.choose(hit.material);
             }
         }

@@ -2,8 +2,7 @@
 //! and undo takes them back.
 
 use super::ViewerUi;
-use super::light::{Light, direction};
-use crate::editor::LeafEdit;
+use crate::edit::{Edit, EditGroup, EditQuantity, EditTarget, Edits};
 use mesophyll_viewer::scene::Side;
 
 /// Lights: name, and what they do.
@@ -30,73 +29,75 @@ const LEAVES: [(&str, &str); 6] = [
 const STATED: [(&str, &str); 3] = [("as stated", "the leaf as it is stated"), LEAVES[4], LEAVES[5]];
 
 impl ViewerUi {
+    /// The edits of a preset, as far as the scene has such values.
+    fn preset(&self, target: EditTarget, values: &[(EditQuantity, f64)]) -> Edits {
+        let edits = values.iter().map(|&(quantity, value)| Edit { target, quantity, value });
+        let start = |e: &Edit| self.start(e.target, e.quantity);
+        Edits::default().with(edits.filter(|e| start(e).is_some()), start)
+    }
+
     /// The light of a preset.
-    fn preset_light(&self, name: &str) -> Light {
-        let own = self.own_light;
-        let sun = |azimuth: f32, elevation: f32| {
-            let direction = own.direction.map(|_| direction(azimuth, elevation));
-            Light { azimuth, elevation, direction, ..own }
-        };
-        match name {
-            "high sun" => sun(own.azimuth, 60.0),
-            "low sun" => sun(own.azimuth, 10.0),
+    fn preset_light(&self, name: &str) -> Edits {
+        let values: &[(EditQuantity, f64)] = match name {
+            "high sun" => &[(EditQuantity::Elevation, 60.0)],
+            "low sun" => &[(EditQuantity::Elevation, 10.0)],
             "against the light" => {
-                let ahead = self.orbit.camera.target - self.orbit.camera.eye;
-                sun(ahead.y.atan2(ahead.x).to_degrees(), 25.0)
+                let ahead = self.view.orbit.camera.target - self.view.orbit.camera.eye;
+                let azimuth = f64::from(ahead.y).atan2(f64::from(ahead.x)).to_degrees();
+                &[(EditQuantity::Azimuth, azimuth), (EditQuantity::Elevation, 25.0)]
             }
-            "sun alone" => Light { sky_factor: 0.0, ..own },
-            "sky alone" => Light { sun_factor: 0.0, ..own },
-            _ => own,
-        }
+            "sun alone" => &[(EditQuantity::Sky, 0.0)],
+            "sky alone" => &[(EditQuantity::Sun, 0.0)],
+            _ => &[],
+        };
+        self.preset(EditTarget::Light, values)
     }
 
     /// The leaf of a preset.
-    fn preset_leaf(&self, leaf: usize, name: &str) -> LeafEdit {
-        let mut edit = self.starts[&leaf];
-        match name {
-            "half as thick" => edit.thickness_mm *= 0.5,
-            "twice as thick" => edit.thickness_mm *= 2.0,
-            _ => {}
-        }
-        for side in Side::ALL {
-            let side = &mut edit.sides[side];
+    fn preset_leaf(&self, leaf: usize, name: &str) -> Edits {
+        let times = |target, quantity, factor| (quantity, factor * self.start(target, quantity).unwrap_or_default());
+        let whole = EditTarget::Leaf(leaf);
+        let thickness = match name {
+            "half as thick" => self.preset(whole, &[times(whole, EditQuantity::Thickness, 0.5)]),
+            "twice as thick" => self.preset(whole, &[times(whole, EditQuantity::Thickness, 2.0)]),
+            _ => Edits::default(),
+        };
+        let of_side = |side: Side| {
+            let target = EditTarget::LeafSide(leaf, side);
             match name {
-                "little pigment" => side.sigma_a = side.sigma_a.map(|v| 0.3 * v),
-                "matte" => side.rho_s_scale = 0.0,
-                "polished" => side.m_scale = 0.5,
-                _ => {}
+                "little pigment" => {
+                    self.preset(target, &[0, 1, 2].map(|c| times(target, EditQuantity::SigmaA(c), 0.3)))
+                }
+                "matte" => self.preset(target, &[(EditQuantity::RhoS, 0.0)]),
+                "polished" => self.preset(target, &[(EditQuantity::M, 0.5)]),
+                _ => Edits::default(),
             }
-        }
-        edit
+        };
+        let [front, back] = Side::ALL.map(of_side);
+        thickness.iter().chain(front.iter()).chain(back.iter()).collect()
     }
 
     /// Applies a preset of lights. A name that is no preset changes nothing.
     pub fn preset_lights(&mut self, name: &str) {
         if LIGHTS.iter().any(|p| p.0 == name) {
-            self.set_light(self.preset_light(name));
+            self.restore(&self.edits.replaced(EditGroup::Light, &self.preset_light(name)));
         }
     }
 
     /// Applies a preset of a leaf to leaf `leaf`. A name that is no preset changes nothing.
     pub fn preset_leaf_edit(&mut self, leaf: usize, name: &str) {
-        if !LEAVES.iter().chain(&STATED).any(|p| p.0 == name) || !self.starts.contains_key(&leaf) {
-            return;
-        }
-        let edit = self.preset_leaf(leaf, name);
-        if edit == self.starts[&leaf] {
-            self.reset(leaf);
-        } else {
-            self.set_edit(leaf, edit);
+        if LEAVES.iter().chain(&STATED).any(|p| p.0 == name) {
+            self.restore(&self.edits.replaced(EditGroup::Leaf(leaf), &self.preset_leaf(leaf, name)));
         }
     }
 
     pub(super) fn light_presets(&mut self, ui: &mut egui::Ui) {
-        let now = self.light();
         let usable: Vec<(&str, &str)> = LIGHTS
             .into_iter()
-            .filter(|p| p.0 == "as opened" || self.preset_light(p.0) != self.own_light)
-            .filter(|p| now.direction.is_some() || p.0 != "sky alone")
+            .filter(|p| p.0 == "as opened" || !self.preset_light(p.0).is_empty())
+            .filter(|p| self.made.scene.sun.is_some() || p.0 != "sky alone")
             .collect();
+        let now = self.edits.of(EditGroup::Light);
         let chosen = usable.iter().find(|p| self.preset_light(p.0) == now).map_or("own", |p| p.0);
         if let Some(name) = self.presets(ui, "light preset", chosen, &usable) {
             self.preset_lights(name);
@@ -104,9 +105,10 @@ impl ViewerUi {
     }
 
     pub(super) fn leaf_presets(&mut self, ui: &mut egui::Ui) {
-        let leaf = self.leaf;
+        let leaf = self.view.leaf;
         let all: &[(&str, &str)] = if self.has_tissue(leaf) { &LEAVES } else { &STATED };
-        let chosen = all.iter().find(|p| self.preset_leaf(leaf, p.0) == self.edits[&leaf]).map_or("own", |p| p.0);
+        let now = self.edits.of(EditGroup::Leaf(leaf));
+        let chosen = all.iter().find(|p| self.preset_leaf(leaf, p.0) == now).map_or("own", |p| p.0);
         if let Some(name) = self.presets(ui, "leaf preset", chosen, all) {
             self.preset_leaf_edit(leaf, name);
         }

@@ -1,6 +1,6 @@
 //! The wind panel: the scene's time, set by hand or running.
 
-use super::ViewerUi;
+use super::{Change, ViewerUi};
 use egui::Slider;
 
 /// Length of the time slider (s).
@@ -9,11 +9,11 @@ const SPAN: f64 = 60.0;
 impl ViewerUi {
     /// The panel, which is shown where branches sway.
     pub(super) fn wind(&mut self, ui: &mut egui::Ui) {
-        let Some(wind) = &mut self.scene.wind else { return };
+        let Some(wind) = &mut self.made.scene.wind else { return };
         ui.heading("Wind");
         ui.spacing_mut().slider_width = 110.0;
         let before = wind.time_s;
-        if self.playing {
+        if self.view.playing {
             // A frame that comes late must not make the branches jump.
             wind.time_s += f64::from(ui.input(|i| i.stable_dt).min(0.1));
         }
@@ -22,10 +22,10 @@ impl ViewerUi {
         let changed = wind.time_s != before;
         self.landmark("time", &time);
         time.on_hover_text("time at which the scene is seen, in seconds");
-        let play = ui.button(if self.playing { "Stop" } else { "Play" });
+        let play = ui.button(if self.view.playing { "Stop" } else { "Play" });
         self.landmark("play", &play);
         if play.clicked() {
-            self.playing = !self.playing;
+            self.view.playing = !self.view.playing;
         }
         if changed {
             self.moved();
@@ -35,15 +35,13 @@ impl ViewerUi {
 
     /// Shows the scene at a time (s), and stops the clock there.
     pub(super) fn set_time(&mut self, time_s: f64) {
-        let Some(wind) = &mut self.scene.wind else { return };
+        let Some(wind) = &mut self.made.scene.wind else { return };
         wind.time_s = time_s;
-        self.playing = false;
+        self.view.playing = false;
         self.moved();
     }
 
     fn moved(&mut self) {
-        self.time_changed = true;
-        self.dirty = true;
-        self.make_stale();
+        self.made.versions.change(Change::Time);
     }
 }

@@ -23,10 +23,8 @@ use mesophyll_optics::side::{Side, Sides};
 use mesophyll_transport::{self as transport, comparison};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
-use mesophyll_window::editor::{
-    ComparisonVerdict, DisplayPicture, Editor, LeafEdit, LeafUpdate, PlantEdits, PlantInfo, SideEdit, SkyUpdate,
-    VerdictMeasure,
-};
+use mesophyll_window::edit::{EditQuantity, EditTarget, Edits};
+use mesophyll_window::editor::{ComparisonVerdict, DisplayPicture, Editor, PlantInfo, SkyUpdate, VerdictMeasure};
 use std::path::PathBuf;
 
 /// The editor behind a window on one scene.
@@ -35,7 +33,7 @@ pub struct SceneEditor {
     ledger: Ledger,
     /// The scene's leaves, by the renderer's index.
     shown: Vec<usize>,
-    starts: Vec<LeafEdit>,
+    starts: Vec<Edits>,
     /// The fits before any edit. `scene` holds them with the present edits.
     fits: Vec<Option<LeafFit>>,
     /// Folder of edited fits.
@@ -56,19 +54,21 @@ impl SceneEditor {
         let shown: Vec<usize> = scene.drawn().map(|l| l.placed.index).collect();
         let (mut starts, mut fits) = (Vec::new(), Vec::new());
         for &index in &shown {
-            let mut start = LeafEdit { thickness_mm: 0.0, sides: Sides::of(|_| unedited()) };
+            let mut start = Edits::default();
             let fitted = scene.placed.leaves[index].fitted.clone();
             if let Some(fitted) = &fitted {
+                let mut sigmas = Sides::of(|_| [[0.0; 3]; 2]);
                 for side in fitted.sides() {
                     let maps = reader::maps(fitted, side, &ledger)?;
-                    let edit = &mut start.sides[side];
                     let of = |quantity| match scene.leaf(index).placed.interior(&scene.manifest.leaves[index]) {
-                        InteriorSource::Scalars => Ok(fitted.rgb(side, quantity)?.map(|v| v as f32)),
+                        InteriorSource::Scalars => Ok(fitted.rgb(side, quantity)?),
                         InteriorSource::Maps => Ok::<_, crate::Error>(mean(maps, quantity)),
                     };
-                    (edit.sigma_a, edit.sigma_s) = (of(Quantity::SigmaA)?, of(Quantity::SigmaS)?);
+                    sigmas[side] = [of(Quantity::SigmaA)?, of(Quantity::SigmaS)?];
                 }
-                start.thickness_mm = fitted.thickness(fitted.lead())? as f32;
+                if sigmas.iter().any(|(_, [_, sigma_s])| sigma_s.iter().any(|v| *v > 0.0)) {
+                    start = Edits::tissue(starts.len(), fitted.thickness(fitted.lead())?, sigmas);
+                }
             }
             starts.push(start);
             fits.push(fitted);
@@ -104,18 +104,19 @@ impl SceneEditor {
         Ok(viewer::Interior::Scalars(mesophyll_web::bundle::slab_curve(&made)))
     }
 
-    /// The changes of a leaf by the window's sliders.
-    fn edits(&self, leaf: usize, edit: &LeafEdit) -> Sides<LeafSideEdit> {
-        let start = &self.starts[leaf];
-        let ratio = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|c| if b[c] > 0.0 { f64::from(a[c] / b[c]) } else { 1.0 });
+    /// What the edits change of a fit: σ and the gloss are multiplied, and thickness is added. A value that nobody has
+    /// edited stays the same to the last bit.
+    fn edits(&self, leaf: usize, edits: &Edits) -> Sides<LeafSideEdit> {
+        let of = |target, quantity| Some((edits.get(target, quantity)?, self.starts[leaf].get(target, quantity)?));
         Sides::of(|side| {
-            let (start_side, now) = (&start.sides[side], &edit.sides[side]);
+            let target = EditTarget::LeafSide(leaf, side);
+            let ratio = |quantity| of(target, quantity).filter(|v| v.1 > 0.0).map_or(1.0, |(now, start)| now / start);
             LeafSideEdit {
-                sigma_a: ratio(now.sigma_a, start_side.sigma_a),
-                sigma_s: ratio(now.sigma_s, start_side.sigma_s),
-                thickness_mm: f64::from(edit.thickness_mm - start.thickness_mm),
-                rho_s: f64::from(now.rho_s_scale),
-                m: f64::from(now.m_scale),
+                sigma_a: [0, 1, 2].map(|c| ratio(EditQuantity::SigmaA(c))),
+                sigma_s: [0, 1, 2].map(|c| ratio(EditQuantity::SigmaS(c))),
+                thickness_mm: of(EditTarget::Leaf(leaf), EditQuantity::Thickness).map_or(0.0, |(h, start)| h - start),
+                rho_s: edits.factor(target, EditQuantity::RhoS),
+                m: edits.factor(target, EditQuantity::M),
             }
         })
     }
@@ -169,43 +170,37 @@ fn angles(towards: glam::Vec3) -> (f64, f64) {
     (d.truncate().length().atan2(d.z), d.y.atan2(d.x))
 }
 
-fn unedited() -> SideEdit {
-    SideEdit { sigma_a: [0.0; 3], sigma_s: [0.0; 3], rho_s_scale: 1.0, m_scale: 1.0 }
-}
-
 /// The means of three channels over the good texels.
-fn mean(maps: &ChannelMaps, quantity: Quantity) -> [f32; 3] {
+fn mean(maps: &ChannelMaps, quantity: Quantity) -> [f64; 3] {
     let mask = maps.scalar(Quantity::Mask);
     [0, 1, 2].map(|c| {
         let plane = maps.plane(quantity, c).unwrap_or_default();
         let good = plane.iter().enumerate().filter(|(k, v)| v.is_finite() && mask.is_none_or(|m| m[*k] > 0.0));
         let (sum, n) = good.fold((0.0, 0u32), |(s, n), (_, v)| (s + f64::from(*v), n + 1));
-        (sum / f64::from(n.max(1))) as f32
+        sum / f64::from(n.max(1))
     })
 }
 
 impl Editor for SceneEditor {
-    fn start(&self, leaf: usize) -> LeafEdit {
-        self.starts[leaf]
+    fn start(&self, leaf: usize) -> Edits {
+        self.starts[leaf].clone()
     }
 
-    fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<LeafUpdate, String> {
-        if !(edit.thickness_mm > 0.0 && edit.thickness_mm.is_finite()) {
-            return Err(format!("h: found {} mm, expected a positive thickness", edit.thickness_mm));
+    fn recompute(&mut self, leaf: usize, edits: &Edits) -> std::result::Result<Sides<viewer::Interior>, String> {
+        let thickness = edits.get(EditTarget::Leaf(leaf), EditQuantity::Thickness);
+        if let Some(found) = thickness.filter(|h| !(*h > 0.0 && h.is_finite())) {
+            return Err(format!("h: found {found} mm, expected a positive thickness"));
         }
         let index = self.shown[leaf];
-        let edited = self.fits[leaf].as_ref().map(|fit| match *edit == self.starts[leaf] {
+        let edited = self.fits[leaf].as_ref().map(|fit| match edits.is_empty() {
             true => fit.clone(),
-            false => fit.edited(self.edits(leaf, edit)),
+            false => fit.edited(self.edits(leaf, edits)),
         });
         let before = std::mem::replace(&mut self.scene.placed.leaves[index].fitted, edited);
-        match Sides::try_of(|side| self.side(leaf, side)) {
-            Ok(sides) => Ok(LeafUpdate { thickness_mm: edit.thickness_mm, sides }),
-            Err(e) => {
-                self.scene.placed.leaves[index].fitted = before;
-                Err(e.to_string())
-            }
-        }
+        Sides::try_of(|side| self.side(leaf, side)).map_err(|e| {
+            self.scene.placed.leaves[index].fitted = before;
+            e.to_string()
+        })
     }
 
     fn sky(&mut self, sun: glam::Vec3, turbidity: f32) -> std::result::Result<SkyUpdate, String> {
@@ -234,7 +229,7 @@ impl Editor for SceneEditor {
         self.plants.listed()
     }
 
-    fn bend(&mut self, edits: &PlantEdits) -> std::result::Result<viewer::Scene, String> {
+    fn bend(&mut self, edits: &Edits) -> std::result::Result<viewer::Scene, String> {
         if self.scene.transfer.is_some() {
             return Err("branches cannot be edited here: the light between leaves is that of the plants at rest".into());
         }
@@ -254,12 +249,12 @@ impl Editor for SceneEditor {
         saved.map(|path| path.display().to_string()).map_err(|e| e.to_string())
     }
 
-    fn save(&mut self, leaf: usize, edit: &LeafEdit) -> std::result::Result<String, String> {
+    fn save(&mut self, leaf: usize, edits: &Edits) -> std::result::Result<String, String> {
         if leaf >= self.shown.len() {
             return Err("a branch is no fit of a leaf".into());
         }
         let Some(fitted) = &self.fits[leaf] else { return Err("this leaf has no fit".into()) };
-        let edited = fitted.edited(self.edits(leaf, edit));
+        let edited = fitted.edited(self.edits(leaf, edits));
         edit::save(&edited, &self.out.join("fits")).map(|p| p.display().to_string()).map_err(|e| e.to_string())
     }
 

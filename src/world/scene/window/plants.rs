@@ -9,7 +9,9 @@ use crate::{Error, Result};
 use mesophyll_files::atomic;
 use mesophyll_plants::form::{Branch, BranchMotion, DAMPINGS, LEANS, RESONANCES};
 use mesophyll_plants::mechanics::beam::{TAPER_MAX, TAPER_MIN};
-use mesophyll_window::editor::{BranchEdit, PlantEdits, PlantInfo, PlantPart};
+use mesophyll_window::edit::{EditQuantity, EditTarget, Edits};
+use mesophyll_window::editor::{PlantInfo, PlantPart};
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,7 +22,7 @@ pub struct WindowPlants {
     /// How they moved as the window opened.
     winds: Option<Arc<SwayingPlants>>,
     edited: Vec<PlacedPlant>,
-    applied: PlantEdits,
+    applied: Edits,
 }
 
 impl WindowPlants {
@@ -30,7 +32,7 @@ impl WindowPlants {
     /// As [`planted`].
     pub fn new(manifest: &SceneManifest, placed: &PlacedScene, ledger: &Ledger) -> Result<WindowPlants> {
         let start = planted(manifest, ledger)?;
-        Ok(WindowPlants { edited: start.clone(), start, winds: placed.winds.clone(), applied: PlantEdits::new() })
+        Ok(WindowPlants { edited: start.clone(), start, winds: placed.winds.clone(), applied: Edits::default() })
     }
 
     /// What the window lists.
@@ -40,7 +42,7 @@ impl WindowPlants {
     }
 
     /// The edits that were applied last.
-    pub fn applied(&self) -> PlantEdits {
+    pub fn applied(&self) -> Edits {
         self.applied.clone()
     }
 
@@ -51,22 +53,25 @@ impl WindowPlants {
     /// As [`SwayingPlants::new`], where a load bends a branch too far, for example.
     pub fn apply(
         &mut self,
-        edits: &PlantEdits,
+        edits: &Edits,
         manifest: &SceneManifest,
         placed: &mut PlacedScene,
         ledger: &Ledger,
     ) -> Result<()> {
         let mut edited = self.start.clone();
-        for ((plant, part), edit) in edits {
-            let Some(one) = edited.get_mut(*plant) else { continue };
-            let answers = self.winds.as_ref().and_then(|w| w.plants[*plant].as_ref()).map(|s| s.answers.as_slice());
+        let targets: BTreeSet<EditTarget> = edits.iter().map(|edit| edit.target).collect();
+        for target in targets {
+            let EditTarget::Plant(plant, part) = target else { continue };
+            let Some(one) = edited.get_mut(plant) else { continue };
+            let factors = EditQuantity::PLANT.map(|quantity| edits.factor(target, quantity));
+            let answers = self.winds.as_ref().and_then(|w| w.plants[plant].as_ref()).map(|s| s.answers.as_slice());
             for (k, branch) in one.plant.branches.iter_mut().enumerate() {
                 let mine = match part {
-                    PlantPart::Level(level) => branch.level == *level,
-                    PlantPart::Branch(index) => k == *index,
+                    PlantPart::Level(level) => branch.level == level,
+                    PlantPart::Branch(index) => k == index,
                 };
                 if mine {
-                    edit_branch(branch, edit, answers.and_then(|a| a[k].as_ref()));
+                    edit_branch(branch, factors, answers.and_then(|a| a[k].as_ref()));
                 }
             }
         }
@@ -92,16 +97,16 @@ impl WindowPlants {
     }
 }
 
-/// Changes a branch by factors. `answer` is how the wind moved it before.
-fn edit_branch(branch: &mut Branch, edit: &BranchEdit, answer: Option<&WindResponse>) {
-    if edit.taper != 1.0 {
-        branch.set_taper((branch.taper() * f64::from(edit.taper)).clamp(TAPER_MIN, TAPER_MAX));
+/// Changes a branch by factors, in the order of [`EditQuantity::PLANT`]. `answer` is how the wind moved it before.
+fn edit_branch(branch: &mut Branch, factors: [f64; 5], answer: Option<&WindResponse>) {
+    let [taper, load, leaning, resonating, damped] = factors;
+    if taper != 1.0 {
+        branch.set_taper((branch.taper() * taper).clamp(TAPER_MIN, TAPER_MAX));
     }
-    let added = f64::from(edit.load - 1.0) * branch.load;
+    let added = (load - 1.0) * branch.load;
     branch.load += added;
     branch.bending_load += added;
-    let Some(WindResponse { sway, .. }) = answer.filter(|_| [edit.lean, edit.resonance, edit.damping] != [1.0; 3])
-    else {
+    let Some(WindResponse { sway, .. }) = answer.filter(|_| [leaning, resonating, damped] != [1.0; 3]) else {
         return;
     };
     // All three are stated then, so that each factor changes its own quantity only.
@@ -111,8 +116,8 @@ fn edit_branch(branch: &mut Branch, edit: &BranchEdit, answer: Option<&WindRespo
     let resonance = stated.resonance_hz.unwrap_or(oscillator.resonance);
     let damping = stated.damping.unwrap_or(oscillator.damping / (4.0 * PI * oscillator.resonance));
     branch.stated = BranchMotion {
-        lean_per_m_s: Some((lean * f64::from(edit.lean)).clamp(LEANS[0], LEANS[1])),
-        resonance_hz: Some((resonance * f64::from(edit.resonance)).clamp(RESONANCES[0], RESONANCES[1])),
-        damping: Some((damping * f64::from(edit.damping)).clamp(DAMPINGS[0], DAMPINGS[1])),
+        lean_per_m_s: Some((lean * leaning).clamp(LEANS[0], LEANS[1])),
+        resonance_hz: Some((resonance * resonating).clamp(RESONANCES[0], RESONANCES[1])),
+        damping: Some((damping * damped).clamp(DAMPINGS[0], DAMPINGS[1])),
     };
 }

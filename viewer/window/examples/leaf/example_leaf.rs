@@ -4,7 +4,6 @@ use glam::{Mat4, Quat, Vec2, Vec3};
 use mesophyll_viewer::scene::{
     Camera, Instance, Interior, LeafMaterial, Lobe, Material, Mesh, Scene, Side, SideMaps, Sides, SlabCurve, Sun,
 };
-use mesophyll_window::editor::SideEdit;
 
 pub const WIDTH: u32 = 256;
 const HEIGHT: u32 = 384;
@@ -40,24 +39,23 @@ pub fn side(side: Side) -> SideMaps {
             normal.push(Vec3::new(-raised * dx, -raised * dy, 1.0).normalize().to_array());
         }
     }
-    let interior = Interior::Scalars(curve(&start(side)));
+    let interior = Interior::Scalars(curve(start(side)));
     SideMaps { gamma_delta, gloss: front.then_some(gloss), normal: Some(normal), translucency: None, interior }
 }
 
-/// The parameters with which editing starts.
-pub fn start(side: Side) -> SideEdit {
-    let sigma_a = if side == Side::Front { [16.0, 5.0, 24.0] } else { [9.0, 3.4, 11.0] };
-    SideEdit { sigma_a, sigma_s: [14.0, 15.0, 12.0], rho_s_scale: 1.0, m_scale: 1.0 }
+/// σa and σs with which editing starts (1/mm).
+pub fn start(side: Side) -> [[f64; 3]; 2] {
+    [if side == Side::Front { [16.0, 5.0, 24.0] } else { [9.0, 3.4, 11.0] }, [14.0, 15.0, 12.0]]
 }
 
 /// A simple replacement for the slab: two-stream (Kubelka & Munk) reflectance and transmittance over black, with K =
 /// 2σa and S = ¾σs. It changes in the right direction with σa and σs. The real program solves the transport equation.
-pub fn curve(side: &SideEdit) -> SlabCurve {
+pub fn curve([sigma_a, sigma_s]: [[f64; 3]; 2]) -> SlabCurve {
     let n = 49;
     let (min_mm, max_mm) = (0.005, 1.2);
     let thickness = |k: usize| min_mm + (max_mm - min_mm) * k as f32 / (n - 1) as f32;
     let two_stream = |channel: usize, h: f32| {
-        let (k, s) = (2.0 * side.sigma_a[channel], 0.75 * side.sigma_s[channel]);
+        let (k, s) = (2.0 * sigma_a[channel] as f32, 0.75 * sigma_s[channel] as f32);
         let a = 1.0 + k / s;
         let b = (a * a - 1.0).sqrt();
         let (sinh, cosh) = ((b * s * h).min(40.0).sinh(), (b * s * h).min(40.0).cosh());

@@ -10,7 +10,8 @@ mod example_leaf;
 
 use mesophyll_viewer::scene::{Camera, Interior, Scene, Side, Sides};
 use mesophyll_viewer::{Options, Picture, Renderer};
-use mesophyll_window::editor::{ComparisonVerdict, DisplayPicture, Editor, LeafEdit, LeafUpdate, VerdictMeasure};
+use mesophyll_window::edit::{EditQuantity, EditTarget, Edits};
+use mesophyll_window::editor::{ComparisonVerdict, DisplayPicture, Editor, VerdictMeasure};
 use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
 /// Replaces the program around the window. Its slab is a two-stream model, and its reference is the renderer without
@@ -18,16 +19,21 @@ use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 struct StandIn;
 
 impl Editor for StandIn {
-    fn start(&self, _: usize) -> LeafEdit {
-        LeafEdit { thickness_mm: 0.2, sides: Sides::of(example_leaf::start) }
+    fn start(&self, leaf: usize) -> Edits {
+        Edits::tissue(leaf, 0.2, Sides::of(example_leaf::start))
     }
 
-    fn recompute(&mut self, _: usize, edit: &LeafEdit) -> Result<LeafUpdate, String> {
-        let interior = |side| Interior::Scalars(example_leaf::curve(&edit.sides[side]));
-        Ok(LeafUpdate { thickness_mm: edit.thickness_mm, sides: Sides::of(interior) })
+    fn recompute(&mut self, leaf: usize, edits: &Edits) -> Result<Sides<Interior>, String> {
+        let now = self.start(leaf).with(edits.iter(), |_| None);
+        let interior = |side| {
+            let of = |quantity| now.factor(EditTarget::LeafSide(leaf, side), quantity);
+            let sigmas: [fn(usize) -> EditQuantity; 2] = [EditQuantity::SigmaA, EditQuantity::SigmaS];
+            Interior::Scalars(example_leaf::curve(sigmas.map(|sigma| [0, 1, 2].map(|c| of(sigma(c))))))
+        };
+        Ok(Sides::of(interior))
     }
 
-    fn save(&mut self, _: usize, _: &LeafEdit) -> Result<String, String> {
+    fn save(&mut self, _: usize, _: &Edits) -> Result<String, String> {
         Err("a made-up leaf has no fit to save".into())
     }
 

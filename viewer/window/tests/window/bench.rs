@@ -4,9 +4,9 @@ use crate::common::*;
 use glam::{Mat4, Vec3};
 use mesophyll_viewer::scene::{Camera, Instance, Interior, Material, Scene, Side, Sides, SkyDome};
 use mesophyll_viewer::{Error, Options, Picture};
+use mesophyll_window::edit::{Edit, EditGroup, EditQuantity, EditTarget, Edits};
 use mesophyll_window::editor::{
-    ComparisonVerdict, DisplayPicture, Editor, LeafEdit, LeafUpdate, PlantEdits, PlantInfo, SideEdit, SkyUpdate,
-    VerdictMeasure,
+    ComparisonVerdict, DisplayPicture, Editor, PlantInfo, PlantPart, SkyUpdate, VerdictMeasure,
 };
 use mesophyll_window::{ViewerUi, WindowScene, WindowStage, WindowView};
 use std::cell::RefCell;
@@ -17,15 +17,15 @@ pub const PIXELS: [u32; 2] = [1100, 600];
 /// The requests of the window to its editor.
 #[derive(Default)]
 pub struct Asked {
-    pub recomputed: Vec<(usize, LeafEdit)>,
-    pub saved: Vec<LeafEdit>,
+    pub recomputed: Vec<(usize, Edits)>,
+    pub saved: Vec<Edits>,
     pub skies: Vec<(Vec3, f32)>,
     /// Whether the leaves have no tissue.
     pub stated: bool,
     pub checked: usize,
     /// The plants that the window lists, and the scene in which their branches are edited.
     pub plants: Option<(Vec<PlantInfo>, Scene)>,
-    pub bent: Vec<PlantEdits>,
+    pub bent: Vec<Edits>,
     pub saved_plants: Vec<usize>,
     /// The sun's direction at each request for shares of it.
     pub suns: Vec<Vec3>,
@@ -40,26 +40,25 @@ pub struct Toy {
 }
 
 impl Editor for Toy {
-    fn start(&self, _: usize) -> LeafEdit {
-        let tissue = if self.asked.borrow().stated { [[0.0; 3]; 2] } else { [[1.0, 0.5, 2.0], [10.0; 3]] };
-        let side = SideEdit { sigma_a: tissue[0], sigma_s: tissue[1], rho_s_scale: 1.0, m_scale: 1.0 };
-        LeafEdit { thickness_mm: 0.2, sides: Sides::of(|_| side) }
+    fn start(&self, leaf: usize) -> Edits {
+        match self.asked.borrow().stated {
+            true => Edits::default(),
+            false => Edits::tissue(leaf, 0.2, Sides::of(|_| [[1.0, 0.5, 2.0], [10.0; 3]])),
+        }
     }
 
-    fn recompute(&mut self, leaf: usize, edit: &LeafEdit) -> Result<LeafUpdate, String> {
-        if edit.sides.front.sigma_s[0] > 200.0 {
+    fn recompute(&mut self, leaf: usize, edits: &Edits) -> Result<Sides<Interior>, String> {
+        let front = EditTarget::LeafSide(leaf, Side::Front);
+        if edits.get(front, EditQuantity::SigmaS(0)).is_some_and(|v| v > 200.0) {
             return Err("σs above 200/mm is refused here".into());
         }
-        self.asked.borrow_mut().recomputed.push((leaf, *edit));
+        self.asked.borrow_mut().recomputed.push((leaf, edits.clone()));
         // A larger thickness transmits less. Any rule will do whose effect the test can see in the picture.
-        let dim = |c: [f32; 3]| c.map(|v| v * (-(edit.thickness_mm - 0.2) * 4.0).exp());
-        let at = edit.thickness_mm;
-        Ok(LeafUpdate {
-            thickness_mm: at,
-            sides: Sides {
-                front: Interior::Scalars(curve(at, dim(RHO_D), dim(RHO_T))),
-                back: Interior::Scalars(curve(at, dim(BACK_D), dim(BACK_T))),
-            },
+        let at = edits.get(EditTarget::Leaf(leaf), EditQuantity::Thickness).unwrap_or(0.2) as f32;
+        let dim = |c: [f32; 3]| c.map(|v| v * (-(at - 0.2) * 4.0).exp());
+        Ok(Sides {
+            front: Interior::Scalars(curve(at, dim(RHO_D), dim(RHO_T))),
+            back: Interior::Scalars(curve(at, dim(BACK_D), dim(BACK_T))),
         })
     }
 
@@ -83,15 +82,15 @@ impl Editor for Toy {
     }
 
     /// A load moves the second leaf up. Any rule will do whose effect the test can see in the picture.
-    fn bend(&mut self, edits: &PlantEdits) -> Result<Scene, String> {
+    fn bend(&mut self, edits: &Edits) -> Result<Scene, String> {
         let mut asked = self.asked.borrow_mut();
         asked.bent.push(edits.clone());
-        let load: f32 = edits.values().map(|e| e.load - 1.0).sum();
+        let load: f64 = edits.iter().filter(|e| e.quantity == EditQuantity::Load).map(|e| e.value - 1.0).sum();
         if load > 8.0 {
             return Err("its tip goes too far".into());
         }
         let mut scene = asked.plants.as_ref().map(|p| p.1.clone()).ok_or("no plants")?;
-        scene.instances[1].transform = Mat4::from_translation(Vec3::Z * load) * scene.instances[1].transform;
+        scene.instances[1].transform = Mat4::from_translation(Vec3::Z * load as f32) * scene.instances[1].transform;
         Ok(scene)
     }
 
@@ -100,8 +99,8 @@ impl Editor for Toy {
         Ok("plants/twig-edit-1.glb".into())
     }
 
-    fn save(&mut self, _: usize, edit: &LeafEdit) -> Result<String, String> {
-        self.asked.borrow_mut().saved.push(*edit);
+    fn save(&mut self, _: usize, edits: &Edits) -> Result<String, String> {
+        self.asked.borrow_mut().saved.push(edits.clone());
         Ok("fits/edited".into())
     }
 
@@ -198,7 +197,37 @@ pub fn bench_on((window, toy): (WindowScene, Toy)) -> Option<Bench> {
     Some(bench)
 }
 
+/// Edit of the thickness of a leaf.
+pub fn thick(leaf: usize, value: f64) -> Edit {
+    Edit { target: EditTarget::Leaf(leaf), quantity: EditQuantity::Thickness, value }
+}
+
+/// Edit of the front of leaf 0.
+pub fn on_front(quantity: EditQuantity, value: f64) -> Edit {
+    Edit { target: EditTarget::LeafSide(0, Side::Front), quantity, value }
+}
+
+/// Factor on the load of a part of the first plant.
+pub fn load(part: PlantPart, value: f64) -> Edit {
+    Edit { target: EditTarget::Plant(0, part), quantity: EditQuantity::Load, value }
+}
+
 impl Bench {
+    /// The present edits of leaf 0.
+    pub fn leaf(&self) -> Edits {
+        self.ui.edits().of(EditGroup::Leaf(0))
+    }
+
+    /// The present edits of branches.
+    pub fn branches(&self) -> Edits {
+        self.ui.edits().of(EditGroup::Plants)
+    }
+
+    /// The present thickness of leaf 0 (mm).
+    pub fn thickness(&self) -> f64 {
+        self.ui.value(EditTarget::Leaf(0), EditQuantity::Thickness).expect("a thickness")
+    }
+
     pub fn frame(&mut self, events: Vec<egui::Event>) {
         self.frame_of(PIXELS, events);
     }

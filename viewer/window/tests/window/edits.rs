@@ -1,30 +1,35 @@
 //! Edits of leaves: what the editor is asked, and what the picture shows.
 
-use crate::bench::{bench, bench_on, two_leaves};
+use crate::bench::{bench, bench_on, load, on_front, thick, two_leaves};
 use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::scene::{CoefficientMaps, Interior, Translucency, TranslucencyBasis};
-use mesophyll_window::editor::{BranchEdit, PlantInfo, PlantPart};
+use mesophyll_window::edit::EditQuantity;
+use mesophyll_window::editor::{PlantInfo, PlantPart};
 
 #[test]
 fn a_thicker_leaf_goes_through_the_editor_and_dims() {
     let Some(mut bench) = bench() else { return };
     let before = bench.brightness();
     let fitted = bench.ui.scene().leaf(0).expect("a leaf").sides.front.interior.clone();
-    let slider = bench.ui.landmark_rect("thickness").expect("slider");
+    let slider = bench.ui.landmark_rect("h").expect("slider");
     // The slider's rail is its left part.
     let handle = egui::pos2(slider.left() + 55.0, slider.center().y);
     bench.drag(handle, egui::vec2(35.0, 0.0));
-    let edit = bench.ui.edit(0);
-    assert!(edit.thickness_mm > 0.21, "h {}", edit.thickness_mm);
-    assert_eq!(bench.asked.borrow().recomputed.last(), Some(&(0, edit)), "the editor hears of the edit as it stands");
-    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").thickness_mm, edit.thickness_mm);
+    let (edits, h) = (bench.leaf(), bench.thickness());
+    assert!(h > 0.21, "h {h}");
+    assert_eq!(
+        bench.asked.borrow().recomputed.last(),
+        Some(&(0, edits.clone())),
+        "the editor hears of the edit as it stands"
+    );
+    assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").thickness_mm, h as f32);
     assert!(bench.brightness() < before - 0.2, "{} against {before}", bench.brightness());
     bench.click("save");
-    assert_eq!(bench.asked.borrow().saved, [edit]);
+    assert_eq!(bench.asked.borrow().saved, [edits]);
     assert!(bench.ui.message().contains("fits/edited"));
     bench.click("reset");
-    assert_eq!(bench.ui.edit(0).thickness_mm, 0.2);
+    assert_eq!(bench.thickness(), 0.2);
     let (Interior::Scalars(a), Interior::Scalars(b)) =
         (&fitted, &bench.ui.scene().leaf(0).expect("a leaf").sides.front.interior)
     else {
@@ -36,11 +41,8 @@ fn a_thicker_leaf_goes_through_the_editor_and_dims() {
 #[test]
 fn gloss_factors_scale_the_fitted_maps() {
     let Some(mut bench) = bench() else { return };
-    let mut edit = bench.ui.edit(0);
-    edit.sides.front.rho_s_scale = 2.0;
-    edit.sides.front.m_scale = 0.5;
-    bench.ui.set_edit(0, edit);
-    bench.ui.set_edit(0, edit);
+    bench.ui.edit([on_front(EditQuantity::RhoS, 3.0), on_front(EditQuantity::M, 0.7)]);
+    bench.ui.edit([on_front(EditQuantity::RhoS, 2.0), on_front(EditQuantity::M, 0.5)]);
     let gloss = bench.ui.scene().leaf(0).expect("a leaf").sides.front.gloss.clone().expect("gloss");
     assert!((gloss[0][0] - 0.1).abs() < 1e-6 && (gloss[0][3] - 0.15).abs() < 1e-6, "applied once: {:?}", gloss[0]);
     assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.gloss, None);
@@ -68,8 +70,7 @@ fn translucency_maps_are_taken_off_and_put_back() {
     }
     // Maps that are taken off twice are put back once. An edit between does not change them.
     bench.ui.show_translucency(0, false);
-    let edit = bench.ui.edit(0);
-    bench.ui.set_edit(0, edit);
+    bench.ui.edit([thick(0, 0.3)]);
     bench.frame(vec![]);
     assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").sides.back.translucency, None);
     bench.ui.reset(0);
@@ -88,11 +89,10 @@ fn translucency_maps_are_taken_off_and_put_back() {
 #[test]
 fn a_refused_edit_is_said_and_undone() {
     let Some(mut bench) = bench() else { return };
-    let mut edit = bench.ui.edit(0);
-    edit.sides.front.sigma_s[0] = 250.0;
-    bench.ui.set_edit(0, edit);
+    let refused = on_front(EditQuantity::SigmaS(0), 250.0);
+    bench.ui.edit([refused]);
     assert!(bench.ui.message().contains("refused here"));
-    assert_eq!(bench.ui.edit(0).sides.front.sigma_s[0], 10.0);
+    assert_eq!(bench.ui.value(refused.target, refused.quantity), Some(10.0));
 }
 
 #[test]
@@ -101,15 +101,15 @@ fn branches_are_edited_by_level_and_by_name_and_saved() {
     let branches = vec![("trunk".into(), 0), ("1.0".into(), 1), ("1.1".into(), 1)];
     toy.asked.borrow_mut().plants = Some((vec![PlantInfo { name: "twig".into(), branches }], window.scene.clone()));
     let Some(mut bench) = bench_on((window, toy)) else { return };
-    let (before, fitted) = (bench.pixels(), bench.ui.edit(0));
+    let before = bench.pixels();
     // A leaf's own edit outlives an edit of branches.
-    bench.ui.set_edit(0, mesophyll_window::editor::LeafEdit { thickness_mm: 0.3, ..fitted });
+    bench.ui.edit([thick(0, 0.3)]);
     let slider = bench.ui.landmark_rect("load ×").expect("slider");
     let handle = egui::pos2(slider.left() + 16.0, slider.center().y);
     bench.drag(handle, egui::vec2(30.0, 0.0));
-    let edits = bench.ui.branch_edits().clone();
-    let edit = edits[&(0, PlantPart::Level(0))];
-    assert!(edit.load > 2.0 && BranchEdit { load: 1.0, ..edit } == BranchEdit::NONE, "{edit:?}");
+    let edits = bench.branches();
+    let edit = load(PlantPart::Level(0), 1.0);
+    assert!(edits.iter().count() == 1 && edits.factor(edit.target, edit.quantity) > 2.0, "{edits:?}");
     // The plants are posed once, when the pointer lets go.
     assert_eq!(bench.asked.borrow().bent, [edits]);
     assert!(bench.ui.scene().instances[1].transform.w_axis.z > 1.0 && bench.pixels() != before);
@@ -135,17 +135,18 @@ fn branches_are_edited_by_level_and_by_name_and_saved() {
         assert_eq!(bench.ui.message().contains("no branch \"oak\""), !found, "{}", bench.ui.message());
     }
     bench.drag(handle, egui::vec2(30.0, 0.0));
-    assert!(bench.ui.branch_edits().contains_key(&(0, PlantPart::Branch(2))), "{:?}", bench.ui.branch_edits());
+    let edit = load(PlantPart::Branch(2), 1.0);
+    assert!(bench.branches().get(edit.target, edit.quantity).is_some(), "{:?}", bench.branches());
     // A refusal is told, and nothing changes.
-    let kept = bench.ui.branch_edits().clone();
-    bench.ui.set_branches(0, PlantPart::Level(1), BranchEdit { load: 10.0, ..BranchEdit::NONE });
-    assert!(bench.ui.message() == "its tip goes too far" && *bench.ui.branch_edits() == kept);
+    let kept = bench.branches();
+    bench.ui.edit([load(PlantPart::Level(1), 10.0)]);
+    assert!(bench.ui.message() == "its tip goes too far" && bench.branches() == kept);
     bench.frame(vec![]);
     bench.click("save plant");
     assert_eq!(bench.asked.borrow().saved_plants, [0]);
     assert!(bench.ui.message().contains("plants/twig-edit-1.glb"));
     bench.click("reset plant");
-    assert!(bench.ui.branch_edits().is_empty());
+    assert!(bench.branches().is_empty());
     assert_eq!(bench.ui.scene().instances[1].transform.w_axis.z, 0.0);
     assert_eq!(bench.ui.scene().leaf(0).expect("a leaf").thickness_mm, 0.3);
 }

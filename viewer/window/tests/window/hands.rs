@@ -1,7 +1,9 @@
 //! Undo and redo, presets, typed numbers, A and B, the picture in numbers, and screenshots with a name.
 
-use crate::bench::{Bench, PIXELS, bench, bench_on, two_leaves};
+use crate::bench::{Bench, PIXELS, bench, bench_on, load, on_front, two_leaves};
 use egui::{Event, Key, Modifiers, Rect};
+use mesophyll_viewer::scene::Side;
+use mesophyll_window::edit::{EditQuantity, EditTarget};
 
 /// The picture's area, row by row.
 fn picture(bench: &Bench) -> (Rect, Vec<Vec<[u8; 4]>>) {
@@ -40,10 +42,10 @@ fn save(bench: &Bench, name: &str) {
 fn every_edit_is_undone_and_done_again() {
     let Some(mut bench) = bench() else { return };
     aside(&mut bench);
-    let (start, pixels) = (bench.ui.edit(0), picture(&bench).1);
+    let (start, pixels) = (bench.leaf(), picture(&bench).1);
     let own = sun(&bench);
     // One drag over many frames is one step.
-    let slider = bench.ui.landmark_rect("thickness").expect("slider");
+    let slider = bench.ui.landmark_rect("h").expect("slider");
     let handle = egui::pos2(slider.left() + 55.0, slider.center().y);
     bench.frame(vec![Event::PointerMoved(handle)]);
     bench.frame(vec![Bench::button(handle, true)]);
@@ -51,8 +53,8 @@ fn every_edit_is_undone_and_done_again() {
         bench.frame(vec![Event::PointerMoved(handle + egui::vec2(6.0 * k as f32, 0.0))]);
     }
     bench.frame(vec![Bench::button(handle + egui::vec2(30.0, 0.0), false)]);
-    let thick = bench.ui.edit(0);
-    assert!(thick.thickness_mm > start.thickness_mm);
+    let thick = bench.leaf();
+    assert!(bench.thickness() > 0.2);
     let elevation = bench.place("elevation");
     bench.drag(elevation - egui::vec2(60.0, 0.0), egui::vec2(-20.0, 0.0));
     let low = sun(&bench);
@@ -62,59 +64,58 @@ fn every_edit_is_undone_and_done_again() {
 
     bench.click("undo");
     assert_eq!(sun(&bench), own, "the sun is as the scene has it, bit for bit");
-    assert_eq!(bench.ui.edit(0), thick);
+    assert_eq!(bench.leaf(), thick);
     press(&mut bench, Key::Z, Modifiers::COMMAND);
     aside(&mut bench);
-    assert_eq!(bench.ui.edit(0), start);
+    assert_eq!(bench.leaf(), start);
     assert!(picture(&bench).1 == pixels, "the picture is as it was");
     press(&mut bench, Key::Z, Modifiers::COMMAND);
-    assert_eq!(bench.ui.edit(0), start, "there is nothing before the first state");
+    assert_eq!(bench.leaf(), start, "there is nothing before the first state");
     press(&mut bench, Key::Z, Modifiers::COMMAND | Modifiers::SHIFT);
-    assert_eq!(bench.ui.edit(0), thick);
+    assert_eq!(bench.leaf(), thick);
     bench.click("redo");
     aside(&mut bench);
     assert!(sun(&bench) == low && picture(&bench).1 == edited);
     // A new edit after an undo ends what could be done again.
     press(&mut bench, Key::Z, Modifiers::COMMAND);
-    let mut edit = bench.ui.edit(0);
-    edit.sides.front.sigma_a[0] = 3.0;
-    bench.ui.set_edit(0, edit);
+    bench.ui.edit([on_front(EditQuantity::SigmaA(0), 3.0)]);
     bench.frame(vec![]);
     press(&mut bench, Key::Y, Modifiers::COMMAND);
     assert_eq!(sun(&bench), own);
     bench.click("undo");
-    assert_eq!(bench.ui.edit(0), thick);
+    assert_eq!(bench.leaf(), thick);
 }
 
 #[test]
 fn branches_are_undone_too() {
-    use mesophyll_window::editor::{BranchEdit, PlantInfo, PlantPart};
+    use mesophyll_window::editor::{PlantInfo, PlantPart};
     let (window, toy) = two_leaves();
     let branches = vec![("trunk".into(), 0), ("1.0".into(), 1)];
     toy.asked.borrow_mut().plants = Some((vec![PlantInfo { name: "twig".into(), branches }], window.scene.clone()));
     let Some(mut bench) = bench_on((window, toy)) else { return };
     let up = |bench: &Bench| bench.ui.scene().instances[1].transform.w_axis.z;
-    bench.ui.set_branches(0, PlantPart::Level(0), BranchEdit { load: 3.0, ..BranchEdit::NONE });
+    bench.ui.edit([load(PlantPart::Level(0), 3.0)]);
     bench.frame(vec![]);
     assert_eq!(up(&bench), 2.0);
     bench.ui.undo();
-    assert!(up(&bench) == 0.0 && bench.ui.branch_edits().is_empty());
+    assert!(up(&bench) == 0.0 && bench.branches().is_empty());
     bench.ui.redo();
-    assert!(up(&bench) == 2.0 && bench.ui.branch_edits().len() == 1);
+    assert!(up(&bench) == 2.0 && bench.branches().iter().count() == 1);
 }
 
 #[test]
 fn presets_are_edits() {
     let Some(mut bench) = bench() else { return };
-    let (start, own) = (bench.ui.edit(0), sun(&bench));
+    let (start, own) = (bench.leaf(), sun(&bench));
     bench.click("leaf preset");
     bench.click("leaf preset twice as thick");
-    assert_eq!(bench.ui.edit(0).thickness_mm, 2.0 * start.thickness_mm);
+    assert_eq!(bench.thickness(), 2.0 * 0.2);
     bench.click("leaf preset");
     save(&bench, "presets.png");
     bench.click("leaf preset matte");
-    let matte = bench.ui.edit(0);
-    assert!(matte.thickness_mm == start.thickness_mm && matte.sides.back.rho_s_scale == 0.0);
+    let matte = bench.leaf();
+    let back = EditTarget::LeafSide(0, Side::Back);
+    assert!(bench.thickness() == 0.2 && matte.get(back, EditQuantity::RhoS) == Some(0.0));
     bench.click("light preset");
     bench.click("light preset low sun");
     let low = sun(&bench).0;
@@ -133,9 +134,9 @@ fn presets_are_edits() {
     bench.ui.preset_lights("as opened");
     assert_eq!((bench.ui.scene().sky, sun(&bench)), (Some([0.4, 0.5, 0.6]), own));
     bench.ui.preset_leaf_edit(0, "as fitted");
-    assert_eq!(bench.ui.edit(0), start);
+    assert_eq!(bench.leaf(), start);
     bench.ui.undo();
-    assert_eq!(bench.ui.edit(0), matte);
+    assert_eq!(bench.leaf(), matte);
 }
 
 /// A leaf whose reflection is stated has no σ and no thickness to change, but a gloss.
@@ -144,24 +145,25 @@ fn a_stated_leaf_has_no_tissue_to_edit() {
     let (window, toy) = two_leaves();
     toy.asked.borrow_mut().stated = true;
     let Some(mut bench) = bench_on((window, toy)) else { return };
-    let start = bench.ui.edit(0);
-    for (name, there) in [("thickness", false), ("σa R", false), ("σs B", false), ("ρs", true), ("m", true)] {
+    let start = bench.leaf();
+    for (name, there) in [("h", false), ("σa R", false), ("σs B", false), ("ρs ×", true), ("m ×", true)] {
         assert_eq!(bench.ui.landmark_rect(name).is_some(), there, "{name}");
     }
     bench.click("leaf preset");
     assert!(bench.ui.landmark_rect("leaf preset little pigment").is_none());
     bench.click("leaf preset polished");
-    assert_eq!(bench.ui.edit(0).sides.front.m_scale, 0.5);
+    let sharper = on_front(EditQuantity::M, 0.5);
+    assert_eq!(bench.ui.value(sharper.target, sharper.quantity), Some(0.5));
     bench.click("leaf preset");
     bench.click("leaf preset as stated");
-    assert_eq!(bench.ui.edit(0), start);
+    assert_eq!(bench.leaf(), start);
 }
 
 /// A click on a slider's number, digits, and Enter.
 #[test]
 fn numbers_are_typed() {
     let Some(mut bench) = bench() else { return };
-    let slider = bench.ui.landmark_rect("thickness").expect("slider");
+    let slider = bench.ui.landmark_rect("h").expect("slider");
     let number = egui::pos2(slider.left() + 140.0, slider.center().y);
     bench.frame(vec![Event::PointerMoved(number)]);
     bench.frame(vec![Bench::button(number, true)]);
@@ -171,9 +173,9 @@ fn numbers_are_typed() {
     bench.frame(vec![Event::Text("0.345".into())]);
     // The keys of undo belong to the field now.
     press(&mut bench, Key::Enter, Modifiers::NONE);
-    assert!((bench.ui.edit(0).thickness_mm - 0.345).abs() < 1e-6, "{}", bench.ui.edit(0).thickness_mm);
+    assert!((bench.thickness() - 0.345).abs() < 1e-6, "{}", bench.thickness());
     press(&mut bench, Key::Z, Modifiers::COMMAND);
-    assert_eq!(bench.ui.edit(0).thickness_mm, 0.2);
+    assert_eq!(bench.thickness(), 0.2);
 }
 
 #[test]
@@ -181,7 +183,7 @@ fn a_hint_says_the_unit() {
     let Some(mut bench) = bench() else { return };
     aside(&mut bench);
     let before = bench.pixels();
-    let at = bench.place("thickness");
+    let at = bench.place("h");
     bench.frame(vec![Event::PointerMoved(at)]);
     for _ in 0..30 {
         bench.frame(vec![]);
@@ -195,7 +197,7 @@ fn a_hint_says_the_unit() {
 fn a_and_b_are_parted_by_a_line() {
     let Some(mut bench) = bench() else { return };
     aside(&mut bench);
-    let (start, a) = (bench.ui.edit(0), picture(&bench).1);
+    let (start, a) = (bench.leaf(), picture(&bench).1);
     bench.click("keep");
     aside(&mut bench);
     bench.ui.preset_leaf_edit(0, "twice as thick");
@@ -230,13 +232,13 @@ fn a_and_b_are_parted_by_a_line() {
     assert_eq!(differ(&both, &only_b, line + 5..width - 5), 0);
     assert!(differ(&both, &only_b, 5..line - 5) > 1000 && differ(&both, &only_a, line + 5..width - 5) > 1000);
     // The camera moves both. Undo knows nothing of the drawing of A.
-    let b = bench.ui.edit(0);
+    let b = bench.leaf();
     bench.drag(bench.place("picture") + egui::vec2(0.0, 80.0), egui::vec2(40.0, 10.0));
     aside(&mut bench);
     let (_, turned) = picture(&bench);
-    assert_eq!(bench.ui.edit(0), b);
+    assert_eq!(bench.leaf(), b);
     bench.click("swap");
-    assert_eq!(bench.ui.edit(0), start);
+    assert_eq!(bench.leaf(), start);
     aside(&mut bench);
     let (_, swapped) = picture(&bench);
     assert!(differ(&turned, &swapped, 5..line - 5) > 1000 && differ(&turned, &swapped, line + 5..width - 5) > 1000);
@@ -246,7 +248,7 @@ fn a_and_b_are_parted_by_a_line() {
     assert_eq!(differ(&swapped, &alone, line + 5..width - 5), 0, "the right side was B");
     assert_eq!(differ(&turned, &alone, 5..line - 5), 0, "and the left side was A, from the new place");
     bench.ui.undo();
-    assert_eq!(bench.ui.edit(0), b);
+    assert_eq!(bench.leaf(), b);
 }
 
 /// In a narrow window, the controls of A and B take a second row, and none lies under the panel beside the picture.

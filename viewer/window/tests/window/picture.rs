@@ -1,6 +1,6 @@
 //! The picture: what is drawn, what is under the pointer, the camera and the check.
 
-use crate::bench::{Bench, PIXELS, bench};
+use crate::bench::{Bench, PIXELS, bench, thick};
 use crate::common::*;
 use glam::Vec3;
 use mesophyll_viewer::picking::pick;
@@ -68,9 +68,7 @@ fn the_pointer_reads_texels_and_a_click_chooses_the_leaf() {
     assert_eq!(rows[1], ("column".to_string(), "1".to_string()));
     bench.frame(vec![Bench::button(at, true)]);
     bench.frame(vec![Bench::button(at, false)]);
-    let mut edit = bench.ui.edit(1);
-    edit.thickness_mm = 0.3;
-    bench.ui.set_edit(1, edit);
+    bench.ui.edit([thick(1, 0.3)]);
     assert_eq!(bench.asked.borrow().recomputed.last().map(|(leaf, _)| *leaf), Some(1));
 }
 
