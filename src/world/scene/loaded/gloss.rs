@@ -4,7 +4,7 @@
 use super::gloss_bound::{self, GlossMaps, LightBounds};
 use super::{LoadedLeaf, Stand};
 use crate::Result;
-use crate::manifest::{SceneManifest, ViewKind};
+use crate::manifest::SceneManifest;
 use crate::placed::daylight::{self, Daylight};
 use crate::placed::fits::reader;
 use glam::{DMat4, DVec3};
@@ -24,8 +24,8 @@ pub fn most(at: Stand, leaf: LoadedLeaf, s: usize, texels: &[[f32; 4]], fitted: 
     if !leaf.placed.facing.lit[s] {
         lights.suns.clear();
     }
-    let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-    let seen: Vec<(DVec3, f64)> = views.filter_map(|v| Some((v.eye_mm?.into(), manifest.time_of(v)))).collect();
+    let views = manifest.perspectives();
+    let seen: Vec<(DVec3, f64)> = views.map(|v| (v.camera.eye_mm.into(), manifest.time_of(v))).collect();
     let eyes: Arc<[DVec3]> = seen.iter().map(|(eye, _)| *eye).collect();
     let own = placed.placements.iter().filter(|p| p.leaf == leaf.placed.index);
     let places: Vec<(DMat4, Arc<[DVec3]>)> = match placed.moves().plants() {

@@ -12,6 +12,7 @@ mod leaf;
 mod light;
 mod picture;
 mod plant;
+mod table;
 mod unknowns;
 mod validate;
 mod view;
@@ -27,7 +28,10 @@ pub use plant::{
     ScenePeriod, SceneWind, StatedFlutter, StatedPlant,
 };
 pub use unknowns::{StatedFactors, StatedPhotograph, StatedUnknowns};
-pub use view::{CheckSettings, SceneCamera, SceneView, TranslucencyReference, ViewKind};
+pub use view::{
+    CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewCamera,
+    ViewKind,
+};
 
 use mesophyll_base::error::Fault;
 pub(crate) use mesophyll_base::error::{Error, Result};
@@ -36,6 +40,8 @@ use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::whole_file;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use table::StatedTable;
+use toml::de::DeTable;
 
 /// The content of `data/scenes/*.toml` (format: `data/scenes/README.md`).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -87,7 +93,7 @@ pub struct SceneManifest {
     /// Light between leaves in real time. Without it every leaf is lit as if it stood alone.
     pub transfer: Option<SceneTransfer>,
     /// The views: cameras, and what they show.
-    #[serde(default, rename = "view")]
+    #[serde(skip)]
     pub views: Vec<SceneView>,
     /// The camera's exposure, for pictures by `render --tone film`.
     pub camera: Option<SceneCamera>,
@@ -125,8 +131,11 @@ impl SceneManifest {
     /// # Errors
     /// As [`SceneManifest::read`].
     pub fn parse(text: &str, path: &Path) -> Result<SceneManifest> {
-        let mut manifest: SceneManifest =
-            toml::from_str(text).map_err(|e| gone(path, text, Error::toml(path, text, &e)))?;
+        let wrong = |e: toml::de::Error| gone(path, text, Error::toml(path, text, &e));
+        let mut root = DeTable::parse(text).map_err(wrong)?;
+        let views = StatedTable::all((path, text), root.get_mut(), "view")?;
+        let mut manifest = SceneManifest::deserialize(toml::Deserializer::from(root)).map_err(wrong)?;
+        manifest.views = views.into_iter().map(SceneView::read).collect::<Result<_>>()?;
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, text)?;
         manifest.layer(0.0, false)?;
@@ -159,17 +168,26 @@ impl SceneManifest {
     /// Adds a view from above to a scene without a perspective view, for callers that want to know what stands in it
     /// but need no picture.
     pub fn look_from_above(&mut self) {
-        if !self.views.iter().any(|v| v.kind == ViewKind::Perspective) {
-            let (eye_mm, up) = (Some([0.0, 0.0, 1e6]), Some([0.0, 1.0, 0.0]));
-            self.views.push(SceneView {
-                name: "above".into(),
-                eye_mm,
-                target_mm: Some([0.0; 3]),
-                up,
-                fov_deg: Some(30.0),
-                ..SceneView::default()
-            });
+        if self.perspectives().next().is_none() {
+            let (eye_mm, target_mm, up, fov_deg) = ([0.0, 0.0, 1e6], [0.0; 3], [0.0, 1.0, 0.0], 30.0);
+            let camera = ViewCamera { eye_mm, target_mm, up, fov_deg };
+            self.views.push(SceneView::Perspective(PerspectiveView::new("above", camera)));
         }
+    }
+
+    /// The views of the scene as it stands.
+    pub fn perspectives(&self) -> impl Iterator<Item = &PerspectiveView> + Clone {
+        self.views.iter().filter_map(|v| if let SceneView::Perspective(view) = v { Some(view) } else { None })
+    }
+
+    /// The views of cards.
+    pub fn cards(&self) -> impl Iterator<Item = &CardView> + Clone {
+        self.views.iter().filter_map(|v| if let SceneView::Card(view) = v { Some(view) } else { None })
+    }
+
+    /// The views of leaves as their scans saw them.
+    pub fn captures(&self) -> impl Iterator<Item = &CaptureView> + Clone {
+        self.views.iter().filter_map(|v| if let SceneView::Capture(view) = v { Some(view) } else { None })
     }
 
     /// Replaces an instance with a list of positions by one instance for each position.
@@ -214,12 +232,13 @@ impl SceneManifest {
             return Err(missing("tolerance".into()));
         }
         for view in &self.views {
-            let needs = [
-                ("max_error", view.max_error.is_none() && view.kind != ViewKind::Capture),
-                ("flip_p99", view.flip_p99.is_none() && view.kind == ViewKind::Perspective),
-            ];
+            let needs = match view {
+                SceneView::Perspective(v) => [("max_error", v.max_error.is_none()), ("flip_p99", v.flip_p99.is_none())],
+                SceneView::Card(v) => [("max_error", v.max_error.is_none()), ("flip_p99", false)],
+                SceneView::Capture(_) => continue,
+            };
             if let Some((key, _)) = needs.iter().find(|n| n.1) {
-                return Err(missing(format!("view \"{}\": {key}", view.name)));
+                return Err(missing(format!("view \"{}\": {key}", view.name())));
             }
         }
         Ok(())
@@ -253,7 +272,7 @@ impl SceneManifest {
     }
 
     /// The time at which a view shows the scene (s).
-    pub fn time_of(&self, view: &SceneView) -> f64 {
+    pub fn time_of(&self, view: &PerspectiveView) -> f64 {
         view.time_s.unwrap_or_else(|| self.rest_time())
     }
 

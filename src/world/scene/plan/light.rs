@@ -4,7 +4,7 @@ use super::accuracy::{self, AccuracyRow};
 use super::transfer::sun_visibility;
 use super::{PlanNeed, PlanOmission, ScenePlan};
 use crate::Result;
-use crate::manifest::{SceneManifest, SceneSky, ViewKind};
+use crate::manifest::{SceneManifest, SceneSky};
 use crate::placed::PlacedScene;
 use crate::placed::daylight::{Daylight, levels, sun_direction};
 use crate::placed::visible_sides;
@@ -195,7 +195,7 @@ pub fn absent_models(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut 
         let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
         plan.leave_out(PlanOmission::new("translucency maps", why, texels * 8 * 2, None));
     }
-    if manifest.views.iter().all(|v| v.kind != ViewKind::Card) {
+    if manifest.cards().next().is_none() {
         plan.leave_out(PlanOmission::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
     }
 }
