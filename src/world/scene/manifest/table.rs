@@ -7,9 +7,6 @@ use serde::Deserialize;
 use std::path::Path;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-/// A misspelt name differs from the one that is meant by so many letters at most.
-const MISSPELT: usize = 2;
-
 /// A table of a scene file while it is read.
 pub struct StatedTable<'a> {
     /// The file's path and its text.
@@ -82,8 +79,11 @@ impl<'a> StatedTable<'a> {
     pub fn finish(self, kind: &str) -> Result<()> {
         let Some((key, _)) = self.fields.iter().next() else { return Ok(()) };
         let (called, known) = (&self.called, self.known.join(", "));
+        // A misspelt name has most letters of the one that is meant.
         let near = self.known.iter().map(|name| (changes(key.get_ref(), name), name)).min();
-        let meant = near.filter(|near| near.0 <= MISSPELT).map_or(String::new(), |(_, name)| format!("{name} of "));
+        let meant = near
+            .filter(|near| near.0 <= key.get_ref().len() / 3)
+            .map_or(String::new(), |(_, name)| format!("{name} of "));
         let what = format!("given, but {called} is {kind}; expected {meant}its fields {known}");
         Err(self.fault(key.span().start, key.get_ref(), what))
     }
