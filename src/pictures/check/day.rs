@@ -48,7 +48,7 @@ pub fn draw(
     ledger: &Ledger,
 ) -> Result<Option<DayStrip>> {
     let LoadedScene { manifest, plan, .. } = scene;
-    let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) else { return Ok(None) };
+    let (Some(day), Some(sky)) = (&manifest.day, manifest.physical_sky()) else { return Ok(None) };
     let Some(view) = manifest.perspectives().next() else { return Ok(None) };
     let (tile_w, tile_h) = (w as usize, h as usize);
     let (columns, rows) = (day.hours.len().min(COLUMNS), day.hours.len().div_ceil(COLUMNS));
@@ -64,7 +64,7 @@ pub fn draw(
     let mut lit = drawn.clone();
     for (k, &hour) in day.hours.iter().enumerate() {
         let (zenith, azimuth) = day.sun(hour);
-        let daylight = Daylight::at(manifest, zenith, azimuth, sky.turbidity.unwrap_or_default())?;
+        let daylight = Daylight::at(manifest, zenith, azimuth, sky.turbidity)?;
         lit.dome = Some(handover::dome(&daylight, plan.light.sky_bands, polynomials)?);
         if let Some(sun) = &mut lit.sun {
             sun.direction = daylight::direction(daylight.zenith, azimuth).as_vec3();

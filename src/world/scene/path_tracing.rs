@@ -269,8 +269,9 @@ pub(crate) fn made_from(scene: &LoadedScene, view: &PerspectiveView) -> Result<S
     }
     let placed = format!("{:?}", scene.placed.placements);
     parts.push(("places".into(), hash::bytes(placed.as_bytes())));
-    if let Some((file, sky)) = manifest.sky.as_ref().and_then(|s| Some((s.environment.as_ref()?, s))) {
-        let placed = format!("{:?} {:?} {}", sky.rotation_deg, sky.scale, hash::file(&manifest.resolve(file))?);
+    if let Some(sky) = manifest.panorama() {
+        let file = hash::file(&manifest.resolve(&sky.environment))?;
+        let placed = format!("{:?} {:?} {file}", sky.rotation_deg, sky.scale);
         parts.push(("environment".into(), placed));
     }
     Ok(hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str()))))

@@ -210,7 +210,7 @@ fn lights(LoadedScene { manifest, plan, .. }: &LoadedScene, ledger: &Ledger) -> 
             irradiance: rgb(&sun.irradiance.or(own).unwrap_or_default()),
             radius: sun.radius_deg.to_radians() as f32,
         }),
-        sky: manifest.sky.as_ref().and_then(|s| s.radiance).map(|c| rgb(&c)),
+        sky: manifest.even_sky().map(|c| rgb(&c)),
         dome,
         scanner: None,
         background: rgb(&manifest.background),

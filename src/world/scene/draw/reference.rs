@@ -189,7 +189,7 @@ pub fn lights(manifest: &SceneManifest) -> Result<transport::ReferenceWorld> {
     let daylight = Daylight::of(manifest)?.map(|d| dome(manifest, d, 1.0));
     Ok(transport::ReferenceWorld {
         sun: sun(manifest)?,
-        sky: manifest.sky.as_ref().and_then(|s| s.radiance),
+        sky: manifest.even_sky(),
         dome: daylight.or_else(|| manifest.pictured().map(|p| pictured(&p.rest, 1.0))),
         background: manifest.background,
         exposure: manifest.exposure,
@@ -201,7 +201,7 @@ pub fn lights(manifest: &SceneManifest) -> Result<transport::ReferenceWorld> {
 /// ground's radiance is computed again from the sky, not from its harmonics.
 pub fn dome(manifest: &SceneManifest, daylight: Daylight, strength: f64) -> transport::ReferenceDome {
     let above = |d: DVec3| if d.z > 0.0 { daylight.radiance(d) } else { [0.0; 3] };
-    let ground = manifest.sky.as_ref().and_then(|s| s.ground_albedo).map(|albedo| {
+    let ground = manifest.physical_sky().and_then(|s| s.ground_albedo).map(|albedo| {
         let sky = transport::closed_form::irradiance(&above, DVec3::Z);
         [0, 1, 2].map(|c| strength * albedo[c] * (sky[c] + daylight.sun[c] * daylight.zenith.cos()) / PI)
     });

@@ -69,7 +69,7 @@ fn lights(manifest: &SceneManifest) -> Result<LightBounds> {
         out.radius = sun.radius_deg.to_radians();
         out.suns.push((direction, irradiance));
     }
-    if let Some(radiance) = manifest.sky.as_ref().and_then(|s| s.radiance) {
+    if let Some(radiance) = manifest.even_sky() {
         (out.sky, out.even_sky) = (radiance, radiance);
     }
     if let Some(picture) = manifest.pictured() {
@@ -78,10 +78,10 @@ fn lights(manifest: &SceneManifest) -> Result<LightBounds> {
     }
     let Some(now) = Daylight::of(manifest)? else { return Ok(out) };
     let mut skies = vec![now];
-    if let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) {
+    if let (Some(day), Some(sky)) = (&manifest.day, manifest.physical_sky()) {
         for hour in &day.hours {
             let (zenith, azimuth) = day.sun(*hour);
-            let then = Daylight::at(manifest, zenith, azimuth, sky.turbidity.unwrap_or_default())?;
+            let then = Daylight::at(manifest, zenith, azimuth, sky.turbidity)?;
             out.suns.push((daylight::direction(then.zenith, azimuth), then.sun));
             skies.push(then);
         }

@@ -19,7 +19,7 @@ mod view;
 
 pub use grass::StatedLawn;
 pub use leaf::{InteriorSource, StatedLeaf, StatedScan, StatedTranslucency, UniformLeaf, UpAxis};
-pub use light::{SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, SunLocation};
+pub use light::{PhysicalSky, SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, StatedPanorama, SunLocation};
 pub use mesophyll_base::surface::basis::TranslucencyBasis;
 pub use mesophyll_sky::SkyModel;
 pub use picture::PictureSky;
@@ -87,6 +87,7 @@ pub struct SceneManifest {
     /// The sun; without it there is no direct sunlight.
     pub sun: Option<SceneSun>,
     /// The sky; without it the sun is the only light.
+    #[serde(skip)]
     pub sky: Option<SceneSky>,
     /// Hours of a day at which the scene is drawn too.
     pub day: Option<SceneDay>,
@@ -134,8 +135,10 @@ impl SceneManifest {
         let wrong = |e: toml::de::Error| gone(path, text, Error::toml(path, text, &e));
         let mut root = DeTable::parse(text).map_err(wrong)?;
         let views = StatedTable::all((path, text), root.get_mut(), "view")?;
+        let sky = StatedTable::one((path, text), root.get_mut(), "sky")?;
         let mut manifest = SceneManifest::deserialize(toml::Deserializer::from(root)).map_err(wrong)?;
         manifest.views = views.into_iter().map(SceneView::read).collect::<Result<_>>()?;
+        manifest.sky = sky.map(SceneSky::read).transpose()?;
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, text)?;
         manifest.layer(0.0, false)?;
@@ -244,24 +247,34 @@ impl SceneManifest {
         Ok(())
     }
 
-    /// Whether the sky is a physical model.
-    pub fn physical_sky(&self) -> bool {
-        self.sky.as_ref().is_some_and(|s| s.model.is_some())
+    /// The sky's physical model, if the sky is one.
+    pub fn physical_sky(&self) -> Option<&PhysicalSky> {
+        if let Some(SceneSky::Physical(sky)) = &self.sky { Some(sky) } else { None }
+    }
+
+    /// The radiance of a constant sky.
+    pub fn even_sky(&self) -> Option<[f64; 3]> {
+        if let Some(SceneSky::Even(radiance)) = self.sky { Some(radiance) } else { None }
+    }
+
+    /// What the scene states of the sky's picture, if the sky is one.
+    pub fn panorama(&self) -> Option<&StatedPanorama> {
+        if let Some(SceneSky::Picture(sky)) = &self.sky { Some(sky) } else { None }
     }
 
     /// The sky's picture, if the sky is one.
     pub fn pictured(&self) -> Option<&PictureSky> {
-        self.sky.as_ref().and_then(|s| s.picture.as_deref())
+        self.panorama()?.picture.as_deref()
     }
 
     /// Whether the sky's light depends on its direction.
     pub fn varied_sky(&self) -> bool {
-        self.physical_sky() || self.sky.as_ref().is_some_and(|s| s.environment.is_some())
+        self.physical_sky().is_some() || self.panorama().is_some()
     }
 
     /// The factor for radiance in a picture with a film's curve. It comes from the scene's camera where there is one.
     pub fn film_exposure(&self) -> f64 {
-        let unit = self.sky.as_ref().filter(|s| s.model.is_some()).and_then(|s| s.scale).unwrap_or(1.0);
+        let unit = self.physical_sky().and_then(|s| s.scale).unwrap_or(1.0);
         // A radiance of 1 kcd/m² is `unit` scene units.
         self.camera.map_or(self.exposure, |camera| camera.exposure() * 1e3 / unit)
     }

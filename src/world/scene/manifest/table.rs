@@ -5,6 +5,7 @@ use crate::manifest::{Error, Result};
 use mesophyll_base::error::Fault;
 use serde::Deserialize;
 use std::path::Path;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 /// A table of a scene file while it is read.
@@ -31,13 +32,32 @@ impl<'a> StatedTable<'a> {
         };
         let Some(list) = root.remove(header) else { return Ok(Vec::new()) };
         let DeValue::Array(tables) = list.get_ref() else { return Err(wrong(list.span().start, list.get_ref())) };
-        let one = |table: &toml::Spanned<DeValue<'a>>| {
-            let start = table.span().start;
-            let DeValue::Table(fields) = table.get_ref() else { return Err(wrong(start, table.get_ref())) };
-            let (called, fields) = (format!("a {header}"), fields.clone());
-            Ok(StatedTable { file, header, called, start, fields, known: Vec::new() })
-        };
-        tables.iter().map(one).collect()
+        tables
+            .iter()
+            .map(|t| StatedTable::of(file, t, header).ok_or_else(|| wrong(t.span().start, t.get_ref())))
+            .collect()
+    }
+
+    /// Takes the `[header]` table out of the file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where something else has this name.
+    pub fn one(file: (&'a Path, &'a str), root: &mut DeTable<'a>, header: &'static str) -> Result<Option<Self>> {
+        let Some(value) = root.remove(header) else { return Ok(None) };
+        let what = || format!("found {}, expected a [{header}] table", value.get_ref().type_str());
+        let table = StatedTable::of(file, &value, header);
+        table.map(Some).ok_or_else(|| fault(file, value.span().start, header, what()))
+    }
+
+    fn of(file: (&'a Path, &'a str), value: &Spanned<DeValue<'a>>, header: &'static str) -> Option<Self> {
+        let DeValue::Table(fields) = value.get_ref() else { return None };
+        let (called, start) = (format!("a {header}"), value.span().start);
+        Some(StatedTable { file, header, called, start, fields: fields.clone(), known: Vec::new() })
+    }
+
+    /// Whether the table has this field and it was not asked for yet.
+    pub fn has(&self, key: &str) -> bool {
+        self.fields.contains_key(key)
     }
 
     /// The table's name, by which errors call it from now on.
@@ -55,7 +75,7 @@ impl<'a> StatedTable<'a> {
     /// # Errors
     /// [`Error::Input`] where it is missing or holds something else.
     pub fn needed<T: Deserialize<'a>>(&mut self, key: &'static str) -> Result<T> {
-        self.stated(key)?.ok_or_else(|| self.fault(self.start, key, format!("missing; {} needs it", self.called)))
+        self.stated(key)?.ok_or_else(|| self.missing(key, &format!("missing; {} needs it", self.called)))
     }
 
     /// A field that the table may have.
@@ -72,19 +92,24 @@ impl<'a> StatedTable<'a> {
         })
     }
 
-    /// Refuses what was not asked for. `kind` says what the table is.
+    /// The error for a field that is missing.
+    pub fn missing(&self, key: &str, what: &str) -> Error {
+        self.fault(self.start, key, what.into())
+    }
+
+    /// Refuses what was not asked for. `why` says what the table is.
     ///
     /// # Errors
     /// [`Error::Input`] naming the first such field and the fields that this kind has.
-    pub fn finish(self, kind: &str) -> Result<()> {
+    pub fn finish(self, why: &str) -> Result<()> {
         let Some((key, _)) = self.fields.iter().next() else { return Ok(()) };
-        let (called, known) = (&self.called, self.known.join(", "));
+        let known = self.known.join(", ");
         // A misspelt name has most letters of the one that is meant.
         let near = self.known.iter().map(|name| (changes(key.get_ref(), name), name)).min();
         let meant = near
             .filter(|near| near.0 <= key.get_ref().len() / 3)
             .map_or(String::new(), |(_, name)| format!("{name} of "));
-        let what = format!("given, but {called} is {kind}; expected {meant}its fields {known}");
+        let what = format!("given{why}; expected {meant}its fields {known}");
         Err(self.fault(key.span().start, key.get_ref(), what))
     }
 

@@ -167,7 +167,7 @@ impl SceneManifest {
             }
         }
         let turbidity = unknown.sky.iter().any(|n| n == "turbidity");
-        if turbidity && self.sky.as_ref().is_none_or(|sky| sky.turbidity.is_none()) {
+        if turbidity && self.physical_sky().is_none() {
             return bad("unknown.sky", "found \"turbidity\", but the sky has none; expected one with a `model`".into());
         }
         if self.ground.as_ref().is_some_and(|g| g.grain_mm.is_some()) && !unknown.ground.is_empty() {

@@ -146,7 +146,7 @@ impl SceneView {
                 (SceneView::Capture(view), "a capture view, which has the camera and the light of its scan")
             }
         };
-        t.finish(what)?;
+        t.finish(&format!(", but view \"{}\" is {what}", view.name()))?;
         Ok(view)
     }
 }

@@ -210,7 +210,7 @@ impl ScenePlan {
                 shadow_resolution: 0,
                 msaa: if manifest.tolerated() < 0.05 { 4 } else { 1 },
                 sky_bands: 7,
-                sun_moves: manifest.physical_sky() && (placed.free || manifest.sun_moves()),
+                sun_moves: manifest.physical_sky().is_some() && (placed.free || manifest.sun_moves()),
                 between: None,
             },
         };
