@@ -98,6 +98,7 @@ impl SceneSky {
             let panorama = StatedPanorama { environment, rotation_deg, scale, sun, picture };
             (SceneSky::Picture(panorama), " beside environment, which is the whole sky")
         } else if t.has("model") {
+            t.called = "a physical sky".into();
             let (model, turbidity) = (t.needed("model")?, t.needed("turbidity")?);
             let (ground_albedo, scale) = (t.stated("ground_albedo")?, t.stated("scale")?);
             let sky = PhysicalSky { model, turbidity, ground_albedo, scale };

@@ -14,7 +14,7 @@ pub struct StatedTable<'a> {
     file: (&'a Path, &'a str),
     header: &'static str,
     /// The table in errors, such as `view "a"`.
-    called: String,
+    pub called: String,
     /// Where it begins in the text.
     start: usize,
     fields: DeTable<'a>,
