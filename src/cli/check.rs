@@ -51,13 +51,13 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     use mesophyll_check::{Options, golden};
     use mesophyll_files::{atomic, claim};
     use mesophyll_scene::loaded::LoadedScene;
-    use mesophyll_scene::manifest::{SceneManifest, ViewKind};
+    use mesophyll_scene::manifest::SceneManifest;
     use mesophyll_scene::placed::{PlacedScene, leaf::LeafSearch};
     use mesophyll_scene::placed::{fits::maker, ledger::Ledger};
 
     let begun = std::time::Instant::now();
     let mut manifest = SceneManifest::read(&args.scene)?;
-    let seen = manifest.views.iter().any(|view| view.kind == ViewKind::Perspective);
+    let seen = manifest.perspectives().next().is_some();
     match args.frames {
         None => manifest.require_limits()?,
         Some(_) if seen => {}

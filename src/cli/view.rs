@@ -35,7 +35,7 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     use crate::cli::Error;
     use mesophyll_check as check;
     use mesophyll_files::{claim, progress};
-    use mesophyll_scene::manifest::{SceneManifest, ViewKind};
+    use mesophyll_scene::manifest::SceneManifest;
     use mesophyll_scene::placed::{PlacedScene, fits::maker, leaf::LeafSearch, ledger::Ledger};
     use mesophyll_scene::{draw::handover, loaded::LoadedScene, window::edit::SceneEditor};
     use mesophyll_transport::environment::Environment;
@@ -72,10 +72,12 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     }
     check::verify(&planned, &ledger)?.require()?;
     let views: Vec<WindowView> = manifest
-        .views
-        .iter()
-        .filter(|v| v.kind == ViewKind::Perspective)
-        .map(|v| WindowView { name: v.name.clone(), camera: handover::camera(v), time_s: Some(manifest.time_of(v)) })
+        .perspectives()
+        .map(|v| WindowView {
+            name: v.name.clone(),
+            camera: handover::camera(&v.camera),
+            time_s: Some(manifest.time_of(v)),
+        })
         .collect();
     let Some(first) = views.first().cloned() else {
         return Err(Error::unexpected(&manifest.path, "view", "only cards", "a perspective view to open"));

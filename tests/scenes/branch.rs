@@ -122,9 +122,9 @@ fn renderer() -> Option<Renderer> {
 
 fn drawn(manifest: &SceneManifest, renderer: &mut Renderer) -> (Vec<[f32; 4]>, Vec<String>) {
     let (whole, ledger) = planned(manifest);
-    let view = &manifest.views[0];
+    let view = manifest.perspectives().next().unwrap();
     renderer.set_scene(&handover::scene(&whole, &ledger).unwrap()).unwrap();
-    let picture = renderer.render(&handover::camera(view), 96, 72).unwrap();
+    let picture = renderer.render(&handover::camera(&view.camera), 96, 72).unwrap();
     (picture.hdr, renderer.stats().pipelines.clone())
 }
 

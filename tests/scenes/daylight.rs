@@ -266,7 +266,7 @@ fn the_window_is_given_the_sky_it_asks_for() {
     let mut scene = handover::scene(&free, &ledger).unwrap();
     assert_eq!(ledger.count("fit", "sky"), 1, "a window's sun moves");
     let mut editor = SceneEditor::new(free, dir.path().join("out")).unwrap();
-    let camera = handover::camera(&manifest.views[0]);
+    let camera = handover::camera(&manifest.perspectives().next().unwrap().camera);
     let before = editor.reference(&scene, &camera, 16, 12).unwrap();
     for (zenith, azimuth, turbidity) in
         [(0.2f64, 1.0, 3.5), (1.4, -2.0, 2.5), (1.0, 0.4, 8.0), (std::f64::consts::FRAC_PI_2, 0.0, 4.0)]

@@ -163,8 +163,8 @@ fn drawn(folder: &Path, renderer: &mut Renderer) -> [f64; 3] {
     let manifest = SceneManifest::read(&folder.join("scene.toml")).unwrap();
     let scene = LoadedScene::open(manifest, LeafSearch::default(), &Ledger::new()).unwrap();
     renderer.set_scene(&handover::scene(&scene, &Ledger::new()).unwrap()).unwrap();
-    let view = scene.manifest.views.iter().find(|v| v.name == "leaf").unwrap();
-    let picture = renderer.render(&handover::camera(view), 24, 24).unwrap();
+    let view = scene.manifest.perspectives().find(|v| v.name == "leaf").unwrap();
+    let picture = renderer.render(&handover::camera(&view.camera), 24, 24).unwrap();
     assert!(picture.hdr.iter().all(|p| p[3] == 1.0), "the leaf fills the picture");
     [0, 1, 2].map(|c| mean(picture.hdr.iter().map(|p| f64::from(p[c]))))
 }

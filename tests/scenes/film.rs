@@ -55,7 +55,8 @@ fn a_film_shows_the_wind_and_goes_on() {
     drawn.wind.as_mut().unwrap().time_s = 2.2;
     let mut renderer = Renderer::headless(&Options::default()).unwrap();
     renderer.set_scene(&drawn).unwrap();
-    let picture = renderer.render(&handover::camera(&scene.manifest.views[0]), 40, 30).unwrap();
+    let picture =
+        renderer.render(&handover::camera(&scene.manifest.perspectives().next().unwrap().camera), 40, 30).unwrap();
     let seen = image::load_from_memory(&first[2]).unwrap().to_rgb8();
     let wanted: Vec<u8> = picture.ldr.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
     assert_eq!(seen.into_raw(), wanted);

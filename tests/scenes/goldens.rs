@@ -10,7 +10,7 @@ use mesophyll::fits::leaf_folder::edit::{LeafSideEdit, save};
 use mesophyll::fits::leaf_folder::{LeafFit, LeafFitFile};
 use mesophyll::fits::record::FitRecord;
 use mesophyll::optics::side::{Side, Sides};
-use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::manifest::{SceneManifest, SceneView};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -66,7 +66,7 @@ fn every_committed_scene_draws_its_goldens() {
         }
         // Every view of the file was drawn, and so were the hours where there is a day.
         let drawn: BTreeSet<&str> = views.iter().filter_map(|v| v["name"].as_str()).collect();
-        for view in manifest.views.iter().map(|v| v.name.as_str()).chain(manifest.day.iter().map(|_| "hours")) {
+        for view in manifest.views.iter().map(SceneView::name).chain(manifest.day.iter().map(|_| "hours")) {
             assert!(drawn.contains(view), "{}: the view {view} was not drawn", manifest.name);
         }
         if output.status.code() != Some(0) {

@@ -2,7 +2,7 @@
 
 use crate::common;
 use mesophyll::scene::loaded::LoadedScene;
-use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::manifest::{SceneManifest, SceneView};
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::scene::placed::{PlacedScene, leaf::LeafSearch};
 use std::path::{Path, PathBuf};
@@ -109,11 +109,12 @@ fn a_committed_scene_passes_its_limits_and_one_that_is_off_does_not() {
     use mesophyll::transport::comparison::compare;
     let mut manifest = SceneManifest::read(&committed("lawn")).unwrap();
     let side = 4;
-    let few = manifest.views[0].blocks.unwrap() / side;
-    (manifest.check.width, manifest.check.height) = (manifest.check.width / few, manifest.check.height / few);
     manifest.views.truncate(1);
-    manifest.views[0].blocks = Some(side);
-    let (size, view) = ([manifest.check.width, manifest.check.height].map(|n| n as usize), manifest.views[0].clone());
+    let SceneView::Perspective(view) = &mut manifest.views[0] else { panic!("the first view is none of the lawn") };
+    let few = view.blocks.replace(side).unwrap() / side;
+    let view = view.clone();
+    (manifest.check.width, manifest.check.height) = (manifest.check.width / few, manifest.check.height / few);
+    let size = [manifest.check.width, manifest.check.height].map(|n| n as usize);
     let ledger = Ledger::new();
     let scene = LoadedScene::open(manifest, LeafSearch::default(), &ledger).unwrap();
     let world = mesophyll::scene::draw::reference::traced(&scene, 0.0, &ledger).unwrap();
@@ -130,7 +131,7 @@ fn a_committed_scene_passes_its_limits_and_one_that_is_off_does_not() {
     let Some(mut renderer) = crate::lawn::renderer() else { return };
     renderer.set_scene(&handover::scene(&scene, &ledger).unwrap()).unwrap();
     let (w, h) = (scene.manifest.check.width, scene.manifest.check.height);
-    let drawn = renderer.render(&handover::camera(&view), w, h).unwrap();
+    let drawn = renderer.render(&handover::camera(&view.camera), w, h).unwrap();
     let drawn = blocks::picture(&drawn.hdr, size, side as usize, scene.manifest.exposure);
     let found = compare(&seen(1.0), &drawn.ldr).unwrap();
     println!("drawn: FLIP {}, largest error {:?}", found.flip_p99, found.max_error);
@@ -146,7 +147,7 @@ fn too_few_blocks_are_one_sentence() {
         std::fs::write(&path, text.replace("fov_deg = 20\n", &format!("fov_deg = 20\nblocks = {side}\n"))).unwrap();
         let read = SceneManifest::read(&path);
         if found.is_empty() {
-            assert_eq!(read.unwrap().views[0].blocks, Some(side));
+            assert_eq!(read.unwrap().perspectives().next().unwrap().blocks, Some(side));
             continue;
         }
         let told = read.unwrap_err().to_string();

@@ -16,7 +16,7 @@ fn every_committed_scene_reads_and_has_its_card() {
     {
         let manifest = SceneManifest::read(&entry.path()).unwrap();
         assert_eq!(entry.path().file_stem().unwrap().to_str().unwrap(), manifest.name);
-        let cards = manifest.views.iter().filter(|v| v.kind == mesophyll::scene::manifest::ViewKind::Card).count();
+        let cards = manifest.cards().count();
         assert!(cards == 1 || manifest.name == "fits", "{}: {cards} cards", manifest.name);
         names.push(manifest.name);
     }

@@ -68,7 +68,7 @@ mod tests {
         let mut views = 0;
         for name in ["lawn", "meadow", "post", "stone", "tree"] {
             let path = format!("{}/../../../data/grass/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-            for view in mesophyll_scene::manifest::SceneManifest::read(path.as_ref()).unwrap().views {
+            for view in mesophyll_scene::manifest::SceneManifest::read(path.as_ref()).unwrap().perspectives() {
                 let limits = [view.flip_p99, view.max_error].map(Option::unwrap);
                 for (k, what) in ["flip_p99", "max_error"].into_iter().enumerate() {
                     let told = format!("{name}, {}: {what} = {}", view.name, limits[k]);

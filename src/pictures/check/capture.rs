@@ -19,7 +19,7 @@ use mesophyll_fits::record::scan::ScanRecord;
 use mesophyll_optics::side::Side;
 use mesophyll_scene::draw::scan::ScanSide;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneView, ViewKind};
+use mesophyll_scene::manifest::CaptureView;
 use mesophyll_scene::verdict::{CaptureComparison, CaptureFigures, exceeds};
 use mesophyll_transport as transport;
 use mesophyll_viewer as gpu;
@@ -40,14 +40,11 @@ pub fn all(
     let manifest = &scene.manifest;
     for leaf in scene.leaves() {
         let name = &leaf.config.name;
-        let views: Vec<&SceneView> =
-            manifest.views.iter().filter(|v| v.kind == ViewKind::Capture && v.leaf.as_ref() == Some(name)).collect();
         let Some(fitted) = &leaf.placed.fitted else { continue };
         for side in Side::ALL {
-            let own: Vec<&SceneView> =
-                views.iter().filter(|v| v.side.unwrap_or(Side::Front) == side).copied().collect();
+            let own = || manifest.captures().filter(|v| v.leaf == *name && v.side == side);
             let Some(kept) = held_out::kept(&fitted.folder, &fitted.record, side)? else {
-                skipped.extend(own.iter().map(|v| {
+                skipped.extend(own().map(|v| {
                     format!(
                         "view {} was skipped: the capture of {name} is not there, its fit keeps no held-out frame of \
                          the {}",
@@ -61,7 +58,7 @@ pub fn all(
             let changed =
                 [LeafFitFile::Maps, LeafFitFile::HeldOut].into_iter().find_map(|f| fitted.verify(&f.name(side)).err());
             let mut wanted: Vec<(String, &StoredFrame, f64)> = Vec::new();
-            for view in &own {
+            for view in own() {
                 match chosen(&kept, view) {
                     Some(frame) => wanted.push((view.name.clone(), frame, view.max_error.unwrap_or(ALLOWED))),
                     None => {
@@ -71,7 +68,7 @@ pub fn all(
                     }
                 }
             }
-            if own.is_empty() {
+            if own().next().is_none() {
                 wanted.extend(brightest(&kept).map(|frame| (format!("{name}-{}-scan", side.name()), frame, ALLOWED)));
             }
             for (name, frame, allowed) in wanted {
@@ -86,7 +83,7 @@ pub fn all(
 }
 
 /// The frame that a view asks for; where it leaves something open, the brightest of the frames that match.
-fn chosen<'a>(kept: &'a StoredFrames, view: &SceneView) -> Option<&'a StoredFrame> {
+fn chosen<'a>(kept: &'a StoredFrames, view: &CaptureView) -> Option<&'a StoredFrame> {
     let fits = |f: &&StoredFrame| view.pass.is_none_or(|p| p == f.travel) && view.frame.is_none_or(|k| k == f.frame);
     kept.frames.iter().filter(fits).max_by(|a, b| light(a).total_cmp(&light(b)))
 }

@@ -8,7 +8,7 @@ use mesophyll_base::error::Result;
 use mesophyll_scene::draw::card::{self, LeafCard};
 use mesophyll_scene::draw::{handover, reference};
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::SceneView;
+use mesophyll_scene::manifest::CardView;
 use mesophyll_scene::placed::daylight::sun_direction;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::verdict::{ReferenceError, ViewFigures, exceeds};
@@ -22,7 +22,7 @@ const ROWS: usize = 18;
 
 pub fn one_card(
     scene: &LoadedScene,
-    view: &SceneView,
+    view: &CardView,
     renderer: &mut gpu::Renderer,
     options: &Options,
     ledger: &Ledger,
@@ -32,9 +32,9 @@ pub fn one_card(
     let (w, h) = (size.0 as usize, size.1 as usize);
     let card = LeafCard::new(scene, view, ledger)?;
     renderer.set_scene(&handover::card(scene, &card, ledger)?).map_err(told)?;
-    let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
-    let mut out = timed(manifest, view, renderer)?;
-    proof::judge_view(manifest, view, renderer, options, &mut out)?;
+    let picture = renderer.render(&handover::camera(&view.camera), size.0, size.1).map_err(told)?;
+    let mut out = timed(manifest, view.into(), &view.camera, renderer)?;
+    proof::judge_view(manifest, &view.camera, renderer, options, &mut out)?;
     let start = Instant::now();
     let world = card::world(manifest, &card)?;
     let sampling = transport::Options {
@@ -43,7 +43,7 @@ pub fn one_card(
         seed: manifest.check.seed,
         ..transport::Options::default()
     };
-    let truth = transport::render(&world, &reference::camera(view), w, h, &sampling)?;
+    let truth = transport::render(&world, &reference::camera(&view.camera), w, h, &sampling)?;
     let reference_s = start.elapsed().as_secs_f64();
     // The lobe's albedo under a sky is integrated for every pixel that is compared, so only a few hundred over the
     // picture are.
@@ -56,7 +56,7 @@ pub fn one_card(
     // The reference spreads its rays over pixel and sun. Few pixels with many rays show its own distance from the
     // formula.
     let fine = transport::Options { samples_per_pixel: 64, sun_samples: 16, ..sampling };
-    let own = transport::render(&world, &reference::camera(view), 2 * COLUMNS, 2 * ROWS, &fine)?;
+    let own = transport::render(&world, &reference::camera(&view.camera), 2 * COLUMNS, 2 * ROWS, &fine)?;
     let own_pixels: Vec<(usize, usize)> = (0..ROWS * COLUMNS).map(|k| (2 * (k % COLUMNS), 2 * (k / COLUMNS))).collect();
     let own_exact = card.closed_form(manifest, view, (2 * COLUMNS, 2 * ROWS), &own_pixels)?;
     let (reference_worst, _) = relative(&own.hdr, 2 * COLUMNS, &own_pixels, &own_exact);

@@ -5,34 +5,31 @@ use crate::told;
 use mesophyll_base::error::Result;
 use mesophyll_base::statistics::median_of;
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
+use mesophyll_scene::manifest::{SceneManifest, ViewCamera};
 use mesophyll_scene::verdict::{AdapterUpload, CheckVerdict, FrameCost, TranslucencyCost, ViewFigures, exceeds};
 use mesophyll_viewer as gpu;
 
 /// A view's report with its times, which are judged on real GPUs.
-pub fn timed(manifest: &SceneManifest, view: &SceneView, renderer: &mut gpu::Renderer) -> Result<ViewFigures> {
+pub fn timed(
+    manifest: &SceneManifest,
+    view: ViewFigures,
+    camera: &ViewCamera,
+    renderer: &mut gpu::Renderer,
+) -> Result<ViewFigures> {
     let (w, h) = (manifest.check.width, manifest.check.height);
-    let timing = renderer.time(&handover::camera(view), w, h, manifest.check.frames as usize).map_err(told)?;
+    let timing = renderer.time(&handover::camera(camera), w, h, manifest.check.frames as usize).map_err(told)?;
     Ok(of(view, &timing, renderer))
 }
 
 /// A view's report with these times.
-pub fn of(view: &SceneView, timing: &gpu::FrameTiming, renderer: &gpu::Renderer) -> ViewFigures {
+pub fn of(mut out: ViewFigures, timing: &gpu::FrameTiming, renderer: &gpu::Renderer) -> ViewFigures {
     let cost = FrameCost {
         frame_ms_median: timing.quantile(0.5).unwrap_or(f64::NAN),
         frame_ms_p95: timing.quantile(0.95).unwrap_or(f64::NAN),
         triangles: renderer.stats().triangles,
         pass_ms: timing.passes.iter().map(|(n, t)| (n.clone(), middle(t))).collect(),
     };
-    let mut out = ViewFigures {
-        name: view.name.clone(),
-        kind: view.kind,
-        threshold_flip_p99: view.flip_p99,
-        threshold_max_error: view.max_error,
-        threshold_frame_ms: view.frame_ms,
-        ..ViewFigures::default()
-    };
-    if let Some(limit) = view.frame_ms.filter(|_| judged(view, renderer))
+    if let Some(limit) = judged(out.threshold_frame_ms, renderer)
         && exceeds(cost.frame_ms_median, limit)
     {
         out.why.push(format!("a frame takes {:.2} ms (median), at most {limit:.2} ms allowed", cost.frame_ms_median));
@@ -41,9 +38,9 @@ pub fn of(view: &SceneView, timing: &gpu::FrameTiming, renderer: &gpu::Renderer)
     out
 }
 
-/// Whether the time of a frame is judged: the scene states a limit, and no CPU draws.
-pub fn judged(view: &SceneView, renderer: &gpu::Renderer) -> bool {
-    view.frame_ms.is_some() && !renderer.adapter().is_software
+/// The limit by which the time of a frame is judged, unless a CPU draws.
+pub fn judged(frame_ms: Option<f64>, renderer: &gpu::Renderer) -> Option<f64> {
+    frame_ms.filter(|_| !renderer.adapter().is_software)
 }
 
 /// Notes what is on the adapter: buffers, textures and pipelines.
@@ -63,7 +60,7 @@ pub fn term(
 ) -> Result<Option<TranslucencyCost>> {
     let has = |l: &gpu::scene::LeafMaterial| l.sides.iter().any(|(_, s)| s.translucency.is_some());
     let own: Vec<usize> = (0..scene.materials.len()).filter(|&k| scene.leaf(k).is_some_and(has)).collect();
-    let view = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
+    let view = manifest.perspectives().next();
     let (Some(view), false) = (view, own.is_empty()) else { return Ok(None) };
     let mut plain = scene.clone();
     for &k in &own {
@@ -88,8 +85,9 @@ pub fn term(
             renderer.set_material(drawn, k).map_err(told)?;
         }
         let (w, h) = (manifest.check.width, manifest.check.height);
-        let timing =
-            renderer.time(&handover::camera(view), w, h, (manifest.check.frames as usize).min(10)).map_err(told)?;
+        let timing = renderer
+            .time(&handover::camera(&view.camera), w, h, (manifest.check.frames as usize).min(10))
+            .map_err(told)?;
         let main = timing.passes.iter().find(|(n, _)| n == "main").map_or(&timing.frame_ms, |(_, t)| t);
         times[which].extend(main);
     }

@@ -7,7 +7,6 @@ use mesophyll_base::error::Result;
 use mesophyll_files::image;
 use mesophyll_scene::draw::{handover, transfer};
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::ViewKind;
 use mesophyll_scene::placed::daylight::{self, Daylight};
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::verdict::CheckHour;
@@ -49,8 +48,8 @@ pub fn draw(
     ledger: &Ledger,
 ) -> Result<Option<DayStrip>> {
     let LoadedScene { manifest, plan, .. } = scene;
-    let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) else { return Ok(None) };
-    let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) else { return Ok(None) };
+    let (Some(day), Some(sky)) = (&manifest.day, manifest.physical_sky()) else { return Ok(None) };
+    let Some(view) = manifest.perspectives().next() else { return Ok(None) };
     let (tile_w, tile_h) = (w as usize, h as usize);
     let (columns, rows) = (day.hours.len().min(COLUMNS), day.hours.len().div_ceil(COLUMNS));
     let pixels = columns * tile_w * rows * tile_h;
@@ -65,7 +64,7 @@ pub fn draw(
     let mut lit = drawn.clone();
     for (k, &hour) in day.hours.iter().enumerate() {
         let (zenith, azimuth) = day.sun(hour);
-        let daylight = Daylight::at(manifest, zenith, azimuth, sky.turbidity.unwrap_or_default())?;
+        let daylight = Daylight::at(manifest, zenith, azimuth, sky.turbidity)?;
         lit.dome = Some(handover::dome(&daylight, plan.light.sky_bands, polynomials)?);
         if let Some(sun) = &mut lit.sun {
             sun.direction = daylight::direction(daylight.zenith, azimuth).as_vec3();
@@ -75,7 +74,7 @@ pub fn draw(
             transfer::shade(found, daylight::direction(zenith, azimuth), &mut lit)?;
         }
         renderer.set_lights(&lit).map_err(told)?;
-        let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
+        let picture = renderer.render(&handover::camera(&view.camera), w, h).map_err(told)?;
         let (left, top) = ((k % COLUMNS) * tile_w, (k / COLUMNS) * tile_h);
         for (y, from) in (0..tile_h).map(|y| (y, y * tile_w..(y + 1) * tile_w)) {
             let at = (top + y) * columns * tile_w + left;

@@ -6,7 +6,6 @@ use mesophyll_base::error::Result;
 use mesophyll_files::progress;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::ViewKind;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::verdict::{CheckVerdict, ViewScope};
 use mesophyll_viewer as gpu;
@@ -35,10 +34,10 @@ pub fn all(
     let mut drawn = handover::scene(scene, ledger)?;
     renderer.set_scene(&drawn).map_err(told)?;
     cost::on_adapter(renderer, report);
-    let views: Vec<_> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
+    let views: Vec<_> = manifest.perspectives().collect();
     let bar = progress::TaskProgress::new("frames", (views.len() * count) as u64);
     for view in views {
-        let camera = handover::camera(view);
+        let camera = handover::camera(&view.camera);
         let mut show = |renderer: &mut gpu::Renderer, k: usize| {
             if let Some(wind) = &mut drawn.wind {
                 wind.time_s = manifest.time_of(view) + STEP * k as f64;
@@ -64,9 +63,9 @@ pub fn all(
         gpu::readback::wait(renderer.gpu()).map_err(told)?;
         // The adapter's own clock needs frames that are waited for.
         let passes = renderer.time(&camera, w, h, CLOCKED).map_err(told)?.passes;
-        let mut out = cost::of(view, &gpu::FrameTiming { frame_ms, passes }, renderer);
+        let mut out = cost::of(view.into(), &gpu::FrameTiming { frame_ms, passes }, renderer);
         out.scope = ViewScope::Time;
-        out.passed = cost::judged(view, renderer).then_some(out.why.is_empty());
+        out.passed = cost::judged(view.frame_ms, renderer).is_some().then_some(out.why.is_empty());
         report.views.push(out);
     }
     Ok(())

@@ -10,7 +10,7 @@ use mesophyll_optics::slab;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::{LoadedLeaf, LoadedScene};
-use mesophyll_scene::manifest::{InteriorSource, SceneManifest, ViewKind};
+use mesophyll_scene::manifest::{InteriorSource, SceneManifest};
 use mesophyll_scene::placed::fits::reader;
 use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
@@ -62,12 +62,12 @@ pub fn compare(manifest: &SceneManifest, out: Option<&Path>, ledger: &Ledger) ->
             let truth = measured_world(&scene, ledger)?;
             let stage = transport::ReferenceRenderer::new(&truth)?;
             let (mut flip, mut error): (f64, f64) = (0.0, 0.0);
-            for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
+            for view in manifest.perspectives() {
                 let (w, h) = (manifest.check.width, manifest.check.height);
-                let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
+                let picture = renderer.render(&handover::camera(&view.camera), w, h).map_err(told)?;
                 let options =
                     transport::Options { samples_per_pixel: manifest.check.samples, ..transport::Options::default() };
-                let reference = stage.render(&reference::camera(view), w as usize, h as usize, &options)?;
+                let reference = stage.render(&reference::camera(&view.camera), w as usize, h as usize, &options)?;
                 let seen = measure::compare(&reference, &picture.ldr)?;
                 (flip, error) = (flip.max(seen.flip_p99), error.max(seen.max_error.unwrap_or(0.0)));
             }

@@ -31,7 +31,6 @@ use mesophyll_files::{atomic, progress};
 use mesophyll_scene::draw::scene_reference::SceneReference;
 use mesophyll_scene::draw::{handover, reference, sunlight, true_leaf};
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneView, ViewKind};
 use mesophyll_scene::placed::ledger::Ledger;
 pub use mesophyll_scene::verdict::{CheckVerdict, ViewFigures};
 use mesophyll_transport as transport;
@@ -125,8 +124,8 @@ fn against_reference(
     report: &mut CheckVerdict,
 ) -> Result<()> {
     let LoadedScene { manifest, placed, plan, .. } = scene;
-    let perspective: Vec<&SceneView> = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
-    if !perspective.is_empty() {
+    let mut left = manifest.perspectives().peekable();
+    if left.peek().is_some() {
         let mut drawn = handover::scene(scene, ledger)?;
         // The path tracer follows light through everything, not only through what a view sees. Only the path tracer
         // draws leaves by their layers, and a lawn's blades in each other's shade.
@@ -136,12 +135,11 @@ fn against_reference(
         renderer.set_scene(&drawn).map_err(told)?;
         cost::on_adapter(renderer, report);
         // Views of the same time share the reference's trees.
-        let mut times: Vec<f64> = perspective.iter().map(|v| manifest.time_of(v)).collect();
+        let mut times: Vec<f64> = manifest.perspectives().map(|v| manifest.time_of(v)).collect();
         times.dedup();
         if !placed.moves().any() {
             times.truncate(1);
         }
-        let mut left = perspective.into_iter().peekable();
         for time in times {
             if let Some(wind) = &mut drawn.wind {
                 wind.time_s = time;
@@ -168,7 +166,7 @@ fn against_reference(
                 report.views.push(perspective::one_view(scene, view, renderer, &stages, options)?);
             }
         }
-        if let Some(view) = manifest.views.iter().find(|v| v.kind == ViewKind::Perspective) {
+        if let Some(view) = manifest.perspectives().next() {
             report.film = smoothness::film(manifest, view, &drawn, renderer)?;
             report.failures.extend(report.film.and_then(|f| f.why()));
         }
@@ -181,7 +179,7 @@ fn against_reference(
             proof::hours(scene, &drawn, renderer, options, ledger, report)?;
         }
     }
-    for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Card) {
+    for view in manifest.cards() {
         report.views.push(card::one_card(scene, view, renderer, options, ledger)?);
     }
     (report.captures, report.skipped) = capture::all(scene, renderer, options)?;

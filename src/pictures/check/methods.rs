@@ -23,7 +23,7 @@ use mesophyll_files::{atomic, image, progress};
 use mesophyll_scene::draw::scene_reference::{ReferenceSampling, SceneReference};
 use mesophyll_scene::draw::{handover, reference};
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneView, ViewKind};
+use mesophyll_scene::manifest::PerspectiveView;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport::comparison::compare;
 use mesophyll_transport::cube::CubeLight;
@@ -88,7 +88,7 @@ pub fn weigh(
     let manifest = &scene.manifest;
     let mut renderer = open()?;
     let (mut rows, mut held) = (Vec::new(), Vec::new());
-    for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
+    for view in manifest.perspectives() {
         let _bar = progress::TaskProgress::of(format!("methods for view {}", view.name));
         let world = reference::traced(scene, manifest.time_of(view), ledger)?;
         if scene.placed.moves().plants() {
@@ -128,7 +128,7 @@ pub fn text(rows: &[MethodRow], held: &[SunShareChange]) -> String {
 /// One view.
 struct Weighing<'a> {
     scene: &'a LoadedScene,
-    view: &'a SceneView,
+    view: &'a PerspectiveView,
     own: &'a viewer::Scene,
     /// The scene with light between leaves by ambient occlusion.
     occluded: &'a viewer::Scene,
@@ -150,7 +150,7 @@ impl Weighing<'_> {
                 wind.time_s = self.scene.manifest.time_of(self.view);
             }
             renderer.set_scene(&drawn).map_err(told)?;
-            let camera = handover::camera(self.view);
+            let camera = handover::camera(&self.view.camera);
             let picture = renderer.render(&camera, check.width, check.height).map_err(told)?;
             let timing = renderer.time(&camera, check.width, check.height, check.frames as usize).map_err(told)?;
             let frame = timing.quantile(0.5).unwrap_or(0.0);
@@ -214,7 +214,7 @@ impl Weighing<'_> {
         world.through.clear();
         world.environment = Some(Arc::new(map.clone()));
         let sampling = ReferenceSampling::of(self.scene, self.scene.manifest.check.seed);
-        let camera = reference::camera(self.view);
+        let camera = reference::camera(&self.view.camera);
         let mut out = SceneReference::new(&world, true)?.draw(&camera, "wavelets", sampling)?;
         let lens = CameraRays::new(&camera, out.width, out.height)?;
         let exposure = self.scene.manifest.exposure;

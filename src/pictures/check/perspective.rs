@@ -10,7 +10,7 @@ use mesophyll_files::image::write_png;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::draw::scene_reference::SceneReference;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneView, TranslucencyReference};
+use mesophyll_scene::manifest::{PerspectiveView, TranslucencyReference};
 use mesophyll_scene::verdict::{BasisError, ReferenceError, TrueLeafError, ViewFigures, exceeds};
 use mesophyll_transport::comparison;
 use mesophyll_viewer as gpu;
@@ -26,7 +26,7 @@ pub struct ReferencePair<'a> {
 
 pub fn one_view(
     scene: &LoadedScene,
-    view: &SceneView,
+    view: &PerspectiveView,
     renderer: &mut gpu::Renderer,
     stages: &ReferencePair,
     options: &Options,
@@ -34,8 +34,8 @@ pub fn one_view(
     let manifest = &scene.manifest;
     let size = (manifest.check.width, manifest.check.height);
     let (w, h) = (size.0 as usize, size.1 as usize);
-    let picture = renderer.render(&handover::camera(view), size.0, size.1).map_err(told)?;
-    let mut out = timed(manifest, view, renderer)?;
+    let picture = renderer.render(&handover::camera(&view.camera), size.0, size.1).map_err(told)?;
+    let mut out = timed(manifest, view.into(), &view.camera, renderer)?;
     let start = Instant::now();
     let seed = manifest.check.seed;
     let mut truth = stages.truth.view(scene, view, seed)?;
@@ -89,7 +89,7 @@ pub fn one_view(
             picture: file,
         });
     }
-    proof::judge_view(manifest, view, renderer, options, &mut out)?;
+    proof::judge_view(manifest, &view.camera, renderer, options, &mut out)?;
     save(&mut out, options, &truth, &picture, &seen)?;
     out.passed = Some(out.why.is_empty());
     Ok(out)

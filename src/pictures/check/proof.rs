@@ -7,7 +7,7 @@ use mesophyll_files::{image, progress};
 use mesophyll_scene::draw::card::LeafCard;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneManifest, SceneView, ViewKind};
+use mesophyll_scene::manifest::{SceneManifest, ViewCamera, ViewKind};
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::verdict::{ViewFigures, ViewScope};
 use mesophyll_viewer as gpu;
@@ -27,36 +27,35 @@ pub fn all(
     report: &mut CheckVerdict,
 ) -> Result<()> {
     let manifest = &scene.manifest;
-    let of_kind = |kind: ViewKind| manifest.views.iter().filter(move |v| v.kind == kind);
-    if of_kind(ViewKind::Perspective).next().is_some() {
+    if manifest.perspectives().next().is_some() {
         let mut drawn = handover::scene(scene, ledger)?;
         renderer.set_scene(&drawn).map_err(told)?;
-        for view in of_kind(ViewKind::Perspective) {
+        for view in manifest.perspectives() {
             if let Some(wind) = &mut drawn.wind {
                 wind.time_s = manifest.time_of(view);
                 renderer.set_time(wind);
             }
-            report.views.push(alone(manifest, view, renderer, options)?);
+            report.views.push(alone(manifest, (&view.name, ViewKind::Perspective), &view.camera, renderer, options)?);
         }
         hours(scene, &drawn, renderer, options, ledger, report)?;
     }
-    for view in of_kind(ViewKind::Card) {
+    for view in manifest.cards() {
         let card = LeafCard::new(scene, view, ledger)?;
         renderer.set_scene(&handover::card(scene, &card, ledger)?).map_err(told)?;
-        report.views.push(alone(manifest, view, renderer, options)?);
+        report.views.push(alone(manifest, (&view.name, ViewKind::Card), &view.camera, renderer, options)?);
     }
     Ok(())
 }
 
 fn alone(
     manifest: &SceneManifest,
-    view: &SceneView,
+    (name, kind): (&str, ViewKind),
+    camera: &ViewCamera,
     renderer: &mut gpu::Renderer,
     options: &Options,
 ) -> Result<ViewFigures> {
-    let mut out =
-        ViewFigures { name: view.name.clone(), kind: view.kind, scope: ViewScope::Golden, ..ViewFigures::default() };
-    judge_view(manifest, view, renderer, options, &mut out)?;
+    let mut out = ViewFigures { name: name.into(), kind, scope: ViewScope::Golden, ..ViewFigures::default() };
+    judge_view(manifest, camera, renderer, options, &mut out)?;
     out.passed = judged(&out);
     Ok(out)
 }
@@ -64,7 +63,7 @@ fn alone(
 /// Draws small the view that the renderer holds, and judges it by its golden where that applies.
 pub fn judge_view(
     manifest: &SceneManifest,
-    view: &SceneView,
+    camera: &ViewCamera,
     renderer: &mut gpu::Renderer,
     options: &Options,
     out: &mut ViewFigures,
@@ -73,7 +72,7 @@ pub fn judge_view(
         return Ok(());
     }
     let (w, h) = golden::size(manifest);
-    let picture = renderer.render(&handover::camera(view), w, h).map_err(told)?;
+    let picture = renderer.render(&handover::camera(camera), w, h).map_err(told)?;
     judge(manifest, &picture, options, out)
 }
 

@@ -11,7 +11,7 @@ use crate::{blocks, told};
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::manifest::{CheckSettings, SceneManifest, SceneView};
+use mesophyll_scene::manifest::{CheckSettings, PerspectiveView, SceneManifest};
 use mesophyll_scene::verdict::FilmSmoothness;
 use mesophyll_transport::tone;
 use mesophyll_viewer as gpu;
@@ -29,7 +29,7 @@ type Frame = Vec<[f64; 3]>;
 /// [`Error::Input`] where nothing moves; those of drawing, and [`Error::Interrupted`] after a stop.
 pub fn film(
     manifest: &SceneManifest,
-    view: &SceneView,
+    view: &PerspectiveView,
     drawn: &viewer::Scene,
     renderer: &mut gpu::Renderer,
 ) -> Result<Option<FilmSmoothness>> {
@@ -48,7 +48,7 @@ pub fn film(
         let [w, h] = size;
         let frame = |k: u32| -> Result<Frame> {
             renderer.set_time(&viewer::WindState { time_s: manifest.time_of(view) + f64::from(k) / check.fps });
-            let picture = renderer.render(&handover::camera(view), w as u32, h as u32).map_err(told)?;
+            let picture = renderer.render(&handover::camera(&view.camera), w as u32, h as u32).map_err(told)?;
             bar.step()?;
             let means = blocks::means(&picture.hdr, [w, h], BLOCK);
             let shown = |c: f32| tone::display(f64::from(c), manifest.exposure);

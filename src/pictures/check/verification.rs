@@ -23,12 +23,8 @@ pub fn verify(scene: &LoadedScene, ledger: &Ledger) -> Result<ConsistencyFaults>
         .flatten()
         .collect();
     let unneeded = |path: &Path| {
-        let mut of = opened.iter().filter_map(|fit| Some((&fit.name, path.strip_prefix(&fit.folder).ok()?.to_str()?)));
-        let needed = |(name, file): (&String, &str)| {
-            let name = format!("{name}/{file}");
-            file == RECORD || scene.plan.needed.iter().any(|need| need.name == name && need.bytes.is_some())
-        };
-        of.clone().next().is_some() && !of.any(needed)
+        let needed = scene.plan.needed.iter().any(|need| need.file.as_deref() == Some(path));
+        !needed && !path.ends_with(RECORD) && opened.iter().any(|fit| path.starts_with(&fit.folder))
     };
     let (beside, changed): (Vec<FileChange>, _) = faults.changed.into_iter().partition(|c| unneeded(&c.path));
     faults.changed = changed;

@@ -71,8 +71,8 @@ pub enum PixelUse {
 pub fn read(manifest: &SceneManifest) -> Result<Vec<ScenePhotograph>> {
     let mut out: Vec<ScenePhotograph> = Vec::new();
     for (k, taken) in manifest.taken.iter().enumerate() {
-        let Some(view) = manifest.views.iter().find(|v| v.name == taken.view) else { continue };
-        let mut shot = one(manifest, k, taken, reference::camera(view))?;
+        let Some(view) = manifest.perspectives().find(|v| v.name == taken.view) else { continue };
+        let mut shot = one(manifest, k, taken, reference::camera(&view.camera))?;
         let mut number = 1;
         while out.iter().any(|s| s.name == shot.name) {
             number += 1;

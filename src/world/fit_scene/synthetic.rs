@@ -103,10 +103,10 @@ pub fn photograph(folder: &Path, text: &str, factor: f64, change: impl Fn(usize,
         sum - 6.0
     };
     let size = [scene.manifest.check.width, scene.manifest.check.height].map(|n| n as usize);
-    for view in &scene.manifest.views {
+    for view in scene.manifest.perspectives() {
         let mut picture = PathPicture::new(size[0], size[1]);
         let target = SamplingTarget { samples: Some(512), error: None };
-        let request = PathRequest { camera: reference::camera(view), size, seed: 77, target };
+        let request = PathRequest { camera: reference::camera(&view.camera), size, seed: 77, target };
         picture.draw(&tracer, &request, "", &mut |_| Ok(()))?;
         let mut maps = ChannelMaps::new(size[0], size[1]);
         let (mut seen, mut errors) = (vec![Vec::new(); 3], vec![Vec::new(); 3]);

@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneManifest, SkyModel, StatedUnknowns};
+use mesophyll_scene::manifest::{SceneManifest, SceneSky, SkyModel, StatedUnknowns};
 use mesophyll_transport::RadianceAt;
 use mesophyll_transport::path::slopes::RadianceParameter;
 use mesophyll_transport::world::{ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceWorld};
@@ -141,15 +141,15 @@ impl SceneUnknowns {
             add(UnknownKind::Sun, "sun.irradiance".into(), sun.irradiance.to_vec(), [1e-9, f64::INFINITY]);
         }
         for what in &unknown.sky {
-            let sky = manifest.sky.as_ref();
+            let sky = manifest.physical_sky();
             match what.as_str() {
                 "scale" => {
-                    let at = sky.and_then(|s| s.scale).unwrap_or(1.0);
+                    let at = manifest.sky.as_ref().and_then(SceneSky::scale).unwrap_or(1.0);
                     add(UnknownKind::SkyScale, "sky.scale".into(), vec![at], [1e-9, f64::INFINITY]);
                 }
                 _ => {
-                    let at = sky.and_then(|s| s.turbidity).unwrap_or(3.0);
-                    let hosek = sky.and_then(|s| s.model) == Some(SkyModel::HosekWilkie);
+                    let at = sky.map_or(3.0, |s| s.turbidity);
+                    let hosek = sky.map(|s| s.model) == Some(SkyModel::HosekWilkie);
                     let low = if hosek { 1.0 } else { 1.7 };
                     add(UnknownKind::Turbidity, "sky.turbidity".into(), vec![at], [low, 10.0]);
                 }
@@ -220,11 +220,12 @@ impl SceneUnknowns {
         }
         if let Some(sky) = &mut out.sky {
             let turbidity = turbidity.or_else(|| Some(self.find(&UnknownKind::Turbidity)?.at[0]));
-            sky.turbidity = turbidity.or(sky.turbidity);
-            if let Some(q) = self.find(&UnknownKind::SkyScale) {
-                match &mut sky.radiance {
-                    Some(radiance) => *radiance = radiance.map(|v| v * q.at[0]),
-                    None => sky.scale = Some(q.at[0]),
+            let scale = self.find(&UnknownKind::SkyScale).map(|q| q.at[0]);
+            match sky {
+                SceneSky::Even(radiance) => *radiance = radiance.map(|v| v * scale.unwrap_or(1.0)),
+                SceneSky::Picture(sky) => sky.scale = scale.or(sky.scale),
+                SceneSky::Physical(sky) => {
+                    (sky.turbidity, sky.scale) = (turbidity.unwrap_or(sky.turbidity), scale.or(sky.scale));
                 }
             }
         }
@@ -236,7 +237,7 @@ impl SceneUnknowns {
         let mut out = reference::lights(manifest)?;
         out.environment = self.world.environment.clone();
         if let (Some(map), Some(q)) = (&out.environment, self.find(&UnknownKind::SkyScale)) {
-            let stated = self.manifest.sky.as_ref().and_then(|s| s.scale).unwrap_or(1.0);
+            let stated = self.manifest.panorama().and_then(|s| s.scale).unwrap_or(1.0);
             let scaled = (**map).clone().placed(0.0, q.at[0] / stated);
             let scaled = scaled.map_err(|what| Error::field(&manifest.path, "sky.scale", what))?;
             out.environment = Some(Arc::new(scaled));

@@ -144,7 +144,7 @@ pub fn film(scene: &mut LoadedScene, options: &Options, ledger: &Ledger) -> Resu
     (scene.manifest.check.width, scene.manifest.check.height) = (width, height);
     let mut drawn = handover::shown(scene, ledger)?;
     renderer.set_scene(&drawn).map_err(drawn_by)?;
-    let camera = handover::camera(&view);
+    let camera = handover::camera(&view.camera);
     progress::say(format!("drawn by {} ({}, {})", adapter.name, adapter.backend, adapter.driver));
     let bar = TaskProgress::new(format!("film {}", film.film), u64::from(frames));
     let mut kept = 0;

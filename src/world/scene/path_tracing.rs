@@ -3,7 +3,7 @@
 
 use crate::draw::reference;
 use crate::loaded::LoadedScene;
-use crate::manifest::{SceneView, ViewKind};
+use crate::manifest::PerspectiveView;
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_files::{atomic, hash, image, memory, progress};
@@ -122,8 +122,8 @@ pub fn render(
 ///
 /// # Errors
 /// [`Error::Usage`] for a scene without such views, or without this one.
-pub fn views<'a>(scene: &'a LoadedScene, name: Option<&str>) -> Result<Vec<&'a SceneView>> {
-    let all: Vec<&SceneView> = scene.manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).collect();
+pub fn views<'a>(scene: &'a LoadedScene, name: Option<&str>) -> Result<Vec<&'a PerspectiveView>> {
+    let all: Vec<&PerspectiveView> = scene.manifest.perspectives().collect();
     let names = || all.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
     match name {
         _ if all.is_empty() => Err(Error::Usage(format!(
@@ -155,7 +155,7 @@ fn known(record: &Path) -> Result<BTreeMap<String, PathTracedView>> {
 fn one(
     scene: &LoadedScene,
     world: &ReferenceWorld,
-    view: &SceneView,
+    view: &PerspectiveView,
     size: [usize; 2],
     options: &Options,
     earlier: Option<&PathTracedView>,
@@ -195,7 +195,7 @@ fn one(
     }
     let tracer = PathTracer::new(world, PathSettings { bounces: options.bounces, ..PathSettings::default() })?;
     let request = PathRequest {
-        camera: reference::camera(view),
+        camera: reference::camera(&view.camera),
         size,
         seed: options.seed,
         target: SamplingTarget { samples, error: options.error },
@@ -240,7 +240,7 @@ fn same(a: &PathTracedView, b: &PathTracedView) -> bool {
 }
 
 /// Hash of the scene file and of every file that a picture of it is made from.
-pub(crate) fn made_from(scene: &LoadedScene, view: &SceneView) -> Result<String> {
+pub(crate) fn made_from(scene: &LoadedScene, view: &PerspectiveView) -> Result<String> {
     let manifest = &scene.manifest;
     let mut parts = vec![("scene".to_string(), hash::file(&manifest.path)?), ("view".to_string(), view.name.clone())];
     for leaf in &scene.placed.leaves {
@@ -269,8 +269,9 @@ pub(crate) fn made_from(scene: &LoadedScene, view: &SceneView) -> Result<String>
     }
     let placed = format!("{:?}", scene.placed.placements);
     parts.push(("places".into(), hash::bytes(placed.as_bytes())));
-    if let Some((file, sky)) = manifest.sky.as_ref().and_then(|s| Some((s.environment.as_ref()?, s))) {
-        let placed = format!("{:?} {:?} {}", sky.rotation_deg, sky.scale, hash::file(&manifest.resolve(file))?);
+    if let Some(sky) = manifest.panorama() {
+        let file = hash::file(&manifest.resolve(&sky.environment))?;
+        let placed = format!("{:?} {:?} {file}", sky.rotation_deg, sky.scale);
         parts.push(("environment".into(), placed));
     }
     Ok(hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str()))))

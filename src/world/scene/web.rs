@@ -2,7 +2,7 @@
 
 use crate::draw::handover;
 use crate::loaded::LoadedScene;
-use crate::manifest::{InteriorSource, SceneManifest, ViewKind};
+use crate::manifest::{InteriorSource, PerspectiveView, SceneManifest};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_files::quantity::Quantity;
@@ -23,7 +23,7 @@ const SKY: usize = 1024;
 /// [`Error::Input`] where a map or a picture cannot be read, or where the scene has no perspective view.
 pub fn bundle(scene: &LoadedScene, pictures: &Path, ledger: &Ledger) -> Result<Bundle> {
     let manifest = &scene.manifest;
-    let seen = || manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
+    let seen = || manifest.perspectives();
     let Some(first) = seen().next() else {
         return Err(Error::unexpected(&manifest.path, "view", "only cards", "a perspective view"));
     };
@@ -39,12 +39,12 @@ pub fn bundle(scene: &LoadedScene, pictures: &Path, ledger: &Ledger) -> Result<B
         (picture.width, picture.height, picture.texels) = (width as u32, height as u32, Arc::new(texels.to_vec()));
     }
     let size = [manifest.check.width, manifest.check.height];
-    let view = |v: &crate::manifest::SceneView| -> Result<BundleView> {
+    let view = |v: &PerspectiveView| -> Result<BundleView> {
         // Reference pictures have no bloom, and they show the plants at their own view's time.
         let same = manifest.time_of(v) == time_s && drawn.bloom.is_none();
         let path = pictures.join(format!("{}-reference.png", v.name));
         let reference = if same && path.is_file() { Some(picture(&path, size)?) } else { None };
-        Ok(BundleView { name: v.name.clone(), camera: handover::camera(v), size, reference })
+        Ok(BundleView { name: v.name.clone(), camera: handover::camera(&v.camera), size, reference })
     };
     let views = seen().map(view).collect::<Result<Vec<BundleView>>>()?;
     let still = StillSections::of(&drawn);

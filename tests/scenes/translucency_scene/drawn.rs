@@ -86,7 +86,7 @@ fn the_windows_reference_follows_the_maps_that_are_taken_off() {
     let plain = blade::scene(dir.path(), "plain", "elm", Some(125.0), None, "");
     let open = |path: &Path| {
         let manifest = SceneManifest::read(path).unwrap();
-        let camera = handover::camera(&manifest.views[0]);
+        let camera = handover::camera(&manifest.perspectives().next().unwrap().camera);
         let free =
             LoadedScene::open(manifest, LeafSearch { free: true, ..LeafSearch::default() }, &Ledger::new()).unwrap();
         let drawn = handover::scene(&free, &Ledger::new()).unwrap();

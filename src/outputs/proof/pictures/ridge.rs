@@ -49,10 +49,10 @@ pub fn silhouettes(renderer: &mut gpu::Renderer, width: u32) -> Result<LawnSilho
     let ledger = Ledger::new();
     let scene = LoadedScene::open(manifest, LeafSearch::default(), &ledger)?;
     let missing = |what: &str| Error::field(&scene.manifest.path, what, "missing");
-    let view = scene.manifest.views.iter().find(|v| v.name == "ridge").ok_or_else(|| missing("view \"ridge\""))?;
+    let view = scene.manifest.perspectives().find(|v| v.name == "ridge").ok_or_else(|| missing("view \"ridge\""))?;
     let hill = mesophyll_scene::placed::grass::hill(&scene.manifest).ok_or_else(|| missing("ground.hill"))?;
     let reach = scene.manifest.ground.as_ref().and_then(|g| g.reach_mm).ok_or_else(|| missing("ground.reach_mm"))?;
-    let camera = reference::camera(view);
+    let camera = reference::camera(&view.camera);
     let (w, h) = (width as usize, height as usize);
     let lens = CameraRays::new(&camera, w, h)?;
     // The share of every pixel whose rays meet something.
@@ -78,7 +78,7 @@ pub fn silhouettes(renderer: &mut gpu::Renderer, width: u32) -> Result<LawnSilho
     let far = 4.0 * (camera.eye.length() + reach);
     let blades = over(&columns(&shown(&|ray: &Ray| forest.blocked_within(ray, far, |_, _, _| true))));
     renderer.set_scene(&handover::scene(&scene, &ledger)?).map_err(told)?;
-    let picture = renderer.render(&handover::camera(view), width, height).map_err(told)?;
+    let picture = renderer.render(&handover::camera(&view.camera), width, height).map_err(told)?;
     let drawn: Vec<f64> = picture.hdr.iter().map(|p| f64::from(p[3])).collect();
     Ok(LawnSilhouettes { bare: over(&bare), blades, slices: over(&columns(&drawn)) })
 }

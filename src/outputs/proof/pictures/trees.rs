@@ -120,7 +120,8 @@ fn scene(way: &Way) -> Result<(viewer::Scene, viewer::Camera)> {
         };
         out.materials = out.materials.iter().map(plain).collect();
     }
-    Ok((out, handover::camera(&opened.manifest.views[0])))
+    let view = opened.manifest.perspectives().next().expect("the scene above has one view");
+    Ok((out, handover::camera(&view.camera)))
 }
 
 /// Two renderers on one adapter.

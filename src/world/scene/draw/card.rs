@@ -3,7 +3,7 @@
 
 use super::reference;
 use crate::loaded::LoadedScene;
-use crate::manifest::{SceneManifest, SceneView};
+use crate::manifest::{CardView, SceneManifest};
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::placed::placement;
@@ -60,9 +60,9 @@ impl LeafCard {
     ///
     /// # Errors
     /// [`Error::Input`] when the leaf is not fitted or a map cannot be read.
-    pub fn new(scene: &LoadedScene, view: &SceneView, ledger: &Ledger) -> Result<LeafCard> {
-        let name = view.leaf.as_deref().unwrap_or_default();
-        let leaf = scene.leaves().find(|l| l.config.name == name);
+    pub fn new(scene: &LoadedScene, view: &CardView, ledger: &Ledger) -> Result<LeafCard> {
+        let name = &view.leaf;
+        let leaf = scene.leaves().find(|l| l.config.name == *name);
         let Some((leaf, fitted)) = leaf.and_then(|l| l.placed.fitted.as_ref().map(|f| (l, f))) else {
             return Err(Error::field(
                 &scene.manifest.path,
@@ -74,12 +74,11 @@ impl LeafCard {
         for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
             sides[s] = Some(patch(fitted, side, ledger)?);
         }
-        let (eye, target) =
-            (DVec3::from(view.eye_mm.unwrap_or_default()), DVec3::from(view.target_mm.unwrap_or_default()));
-        let turn = placement::rotation(view.rotation_deg.unwrap_or_default());
+        let [eye, target] = [view.camera.eye_mm, view.camera.target_mm].map(DVec3::from);
+        let turn = placement::rotation(view.rotation_deg);
         // The patch fills the picture at the angle at which it is seen.
         let slant = (turn * DVec3::Z).dot((eye - target).normalize()).abs().max(0.05);
-        let side = 4.0 * eye.distance(target) * (view.fov_deg.unwrap_or(30.0).to_radians() / 2.0).tan() / slant;
+        let side = 4.0 * eye.distance(target) * (view.camera.fov_deg.to_radians() / 2.0).tan() / slant;
         Ok(LeafCard {
             leaf: leaf.placed.index,
             mesh: LeafMesh::rectangle(side, side),
@@ -96,13 +95,13 @@ impl LeafCard {
     pub fn closed_form(
         &self,
         manifest: &SceneManifest,
-        view: &SceneView,
+        view: &CardView,
         size: (usize, usize),
         pixels: &[(usize, usize)],
     ) -> Result<Vec<[f64; 3]>> {
         let config = &manifest.leaves[self.leaf];
         let normal = self.transform.transform_vector3(DVec3::Z).normalize();
-        let towards = DVec3::from(view.eye_mm.unwrap_or_default()) - self.transform.transform_point3(DVec3::ZERO);
+        let towards = DVec3::from(view.camera.eye_mm) - self.transform.transform_point3(DVec3::ZERO);
         let front = normal.dot(towards) >= 0.0;
         let (seen, far) = if front { (0, 1) } else { (1, 0) };
         let side = self.sides[seen].as_ref().ok_or_else(|| {
@@ -120,7 +119,7 @@ impl LeafCard {
             rho_t_far: self.sides[far].as_ref().map_or([0.0; 3], |p| p.rho_t),
             normal: if front { normal } else { -normal },
         };
-        let camera = reference::camera(view);
+        let camera = reference::camera(&view.camera);
         let lights = reference::lights(manifest)?;
         let (sun, sky) = (lights.sun.as_ref(), lights.sky);
         let Some(dome) = &lights.dome else {

@@ -119,7 +119,7 @@ fn blade(shape: &LeafMesh, optics: &Optics) -> transport::ReferenceLeaf {
 
 #[cfg(feature = "render")]
 mod slices {
-    use crate::manifest::{SceneManifest, ViewKind};
+    use crate::manifest::SceneManifest;
     use crate::placed::daylight::sun_direction;
     use crate::placed::grass::PlacedLawn;
     use crate::placed::lawn_lean::LawnLean;
@@ -181,8 +181,8 @@ mod slices {
     /// steepest of them. Pictures have the shape that the manifest's check states.
     pub fn seen_from_above(grass: &PlacedLawn, slices: &LawnSlices, manifest: &SceneManifest) -> bool {
         let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height);
-        let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-        let of_views = views.map(|view| steepest(&super::super::reference::camera(view), aspect));
+        let views = manifest.perspectives();
+        let of_views = views.map(|view| steepest(&super::super::reference::camera(&view.camera), aspect));
         let of_sun = sun_direction(manifest).map_or(0.0, |d| d.z.abs());
         let mut most = of_views.fold(of_sun, f64::max);
         if let Some(leaning) = &grass.leaning {

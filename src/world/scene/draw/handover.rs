@@ -8,7 +8,7 @@ use super::sections::{BarkSections, plants};
 use super::{detail, grass, transfer, tubes};
 use crate::loaded::LoadedScene;
 use crate::loaded::curve::curve;
-use crate::manifest::SceneView;
+use crate::manifest::ViewCamera;
 use crate::placed::PlacedScene;
 use crate::placed::daylight::{self, Daylight, sun_direction};
 use crate::placed::ledger::Ledger;
@@ -210,7 +210,7 @@ fn lights(LoadedScene { manifest, plan, .. }: &LoadedScene, ledger: &Ledger) -> 
             irradiance: rgb(&sun.irradiance.or(own).unwrap_or_default()),
             radius: sun.radius_deg.to_radians() as f32,
         }),
-        sky: manifest.sky.as_ref().and_then(|s| s.radiance).map(|c| rgb(&c)),
+        sky: manifest.even_sky().map(|c| rgb(&c)),
         dome,
         scanner: None,
         background: rgb(&manifest.background),
@@ -294,14 +294,9 @@ fn single(of: &HarmonicCoefficients) -> Vec<[f32; 3]> {
 }
 
 /// The camera of a view.
-pub fn camera(view: &SceneView) -> viewer::Camera {
-    let vec = |v: Option<[f64; 3]>, or: [f64; 3]| Vec3::from(v.unwrap_or(or).map(|x| x as f32));
-    viewer::Camera {
-        eye: vec(view.eye_mm, [0.0; 3]),
-        target: vec(view.target_mm, [0.0; 3]),
-        up: vec(view.up, [0.0, 0.0, 1.0]),
-        fov_y_deg: view.fov_deg.unwrap_or(30.0) as f32,
-    }
+pub fn camera(camera: &ViewCamera) -> viewer::Camera {
+    let [eye, target, up] = [camera.eye_mm, camera.target_mm, camera.up].map(|v| Vec3::from(v.map(|x| x as f32)));
+    viewer::Camera { eye, target, up, fov_y_deg: camera.fov_deg as f32 }
 }
 
 /// A mesh in the renderer's precision.

@@ -6,7 +6,7 @@
 use super::sunlight::{relight, relight_everywhere};
 use super::{grass, soil};
 use crate::loaded::{LoadedLeaf, LoadedScene};
-use crate::manifest::{InteriorSource, SceneManifest, SceneView};
+use crate::manifest::{InteriorSource, SceneManifest, ViewCamera};
 use crate::placed::PlacedScene;
 use crate::placed::daylight::{Daylight, sun_direction};
 use crate::placed::fits::reader;
@@ -189,7 +189,7 @@ pub fn lights(manifest: &SceneManifest) -> Result<transport::ReferenceWorld> {
     let daylight = Daylight::of(manifest)?.map(|d| dome(manifest, d, 1.0));
     Ok(transport::ReferenceWorld {
         sun: sun(manifest)?,
-        sky: manifest.sky.as_ref().and_then(|s| s.radiance),
+        sky: manifest.even_sky(),
         dome: daylight.or_else(|| manifest.pictured().map(|p| pictured(&p.rest, 1.0))),
         background: manifest.background,
         exposure: manifest.exposure,
@@ -201,7 +201,7 @@ pub fn lights(manifest: &SceneManifest) -> Result<transport::ReferenceWorld> {
 /// ground's radiance is computed again from the sky, not from its harmonics.
 pub fn dome(manifest: &SceneManifest, daylight: Daylight, strength: f64) -> transport::ReferenceDome {
     let above = |d: DVec3| if d.z > 0.0 { daylight.radiance(d) } else { [0.0; 3] };
-    let ground = manifest.sky.as_ref().and_then(|s| s.ground_albedo).map(|albedo| {
+    let ground = manifest.physical_sky().and_then(|s| s.ground_albedo).map(|albedo| {
         let sky = transport::closed_form::irradiance(&above, DVec3::Z);
         [0, 1, 2].map(|c| strength * albedo[c] * (sky[c] + daylight.sun[c] * daylight.zenith.cos()) / PI)
     });
@@ -238,13 +238,13 @@ pub fn sun(manifest: &SceneManifest) -> Result<Option<transport::ReferenceSun>> 
     Ok(Some(transport::ReferenceSun { direction, irradiance, radius: sun.radius_deg.to_radians() }))
 }
 
-/// The camera of a perspective view. A view that does not state them has a field of view of 30° and z up.
-pub fn camera(view: &SceneView) -> transport::ReferenceCamera {
+/// The camera of a view.
+pub fn camera(camera: &ViewCamera) -> transport::ReferenceCamera {
     transport::ReferenceCamera {
-        eye: DVec3::from(view.eye_mm.unwrap_or_default()),
-        target: DVec3::from(view.target_mm.unwrap_or_default()),
-        up: DVec3::from(view.up.unwrap_or([0.0, 0.0, 1.0])),
-        fov_y_deg: view.fov_deg.unwrap_or(30.0),
+        eye: DVec3::from(camera.eye_mm),
+        target: DVec3::from(camera.target_mm),
+        up: DVec3::from(camera.up),
+        fov_y_deg: camera.fov_deg,
     }
 }
 

@@ -4,7 +4,7 @@
 use super::reference;
 use crate::Result;
 use crate::loaded::LoadedScene;
-use crate::manifest::SceneView;
+use crate::manifest::PerspectiveView;
 use mesophyll_files::progress;
 use mesophyll_transport::path::{PathPicture, PathRequest, PathSettings, PathTracer, SamplingTarget};
 use mesophyll_transport::{self as transport, ReferenceWorld};
@@ -59,8 +59,8 @@ impl<'a> SceneReference<'a> {
     ///
     /// # Errors
     /// As [`SceneReference::draw`].
-    pub fn view(&self, scene: &LoadedScene, view: &SceneView, seed: u64) -> Result<transport::ReferencePicture> {
-        self.draw(&reference::camera(view), &view.name, ReferenceSampling::of(scene, seed))
+    pub fn view(&self, scene: &LoadedScene, view: &PerspectiveView, seed: u64) -> Result<transport::ReferencePicture> {
+        self.draw(&reference::camera(&view.camera), &view.name, ReferenceSampling::of(scene, seed))
     }
 
     /// The picture of a camera. `what` names it in the progress bar.

@@ -4,7 +4,7 @@
 use super::gloss_bound::{self, GlossMaps, LightBounds};
 use super::{LoadedLeaf, Stand};
 use crate::Result;
-use crate::manifest::{SceneManifest, ViewKind};
+use crate::manifest::SceneManifest;
 use crate::placed::daylight::{self, Daylight};
 use crate::placed::fits::reader;
 use glam::{DMat4, DVec3};
@@ -24,8 +24,8 @@ pub fn most(at: Stand, leaf: LoadedLeaf, s: usize, texels: &[[f32; 4]], fitted: 
     if !leaf.placed.facing.lit[s] {
         lights.suns.clear();
     }
-    let views = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-    let seen: Vec<(DVec3, f64)> = views.filter_map(|v| Some((v.eye_mm?.into(), manifest.time_of(v)))).collect();
+    let views = manifest.perspectives();
+    let seen: Vec<(DVec3, f64)> = views.map(|v| (v.camera.eye_mm.into(), manifest.time_of(v))).collect();
     let eyes: Arc<[DVec3]> = seen.iter().map(|(eye, _)| *eye).collect();
     let own = placed.placements.iter().filter(|p| p.leaf == leaf.placed.index);
     let places: Vec<(DMat4, Arc<[DVec3]>)> = match placed.moves().plants() {
@@ -69,7 +69,7 @@ fn lights(manifest: &SceneManifest) -> Result<LightBounds> {
         out.radius = sun.radius_deg.to_radians();
         out.suns.push((direction, irradiance));
     }
-    if let Some(radiance) = manifest.sky.as_ref().and_then(|s| s.radiance) {
+    if let Some(radiance) = manifest.even_sky() {
         (out.sky, out.even_sky) = (radiance, radiance);
     }
     if let Some(picture) = manifest.pictured() {
@@ -78,10 +78,10 @@ fn lights(manifest: &SceneManifest) -> Result<LightBounds> {
     }
     let Some(now) = Daylight::of(manifest)? else { return Ok(out) };
     let mut skies = vec![now];
-    if let (Some(day), Some(sky)) = (&manifest.day, &manifest.sky) {
+    if let (Some(day), Some(sky)) = (&manifest.day, manifest.physical_sky()) {
         for hour in &day.hours {
             let (zenith, azimuth) = day.sun(*hour);
-            let then = Daylight::at(manifest, zenith, azimuth, sky.turbidity.unwrap_or_default())?;
+            let then = Daylight::at(manifest, zenith, azimuth, sky.turbidity)?;
             out.suns.push((daylight::direction(then.zenith, azimuth), then.sun));
             skies.push(then);
         }

@@ -5,7 +5,7 @@ use super::map_levels::map_levels;
 use super::translucency;
 use super::{LeafData, LoadedTextures, Stand, gloss};
 use crate::Result;
-use crate::manifest::{InteriorSource, ViewKind};
+use crate::manifest::InteriorSource;
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::placed::{self as placed, daylight};
@@ -157,12 +157,12 @@ fn resolution(at: Stand, leaf: &placed::leaf::PlacedLeaf, loaded: &LeafData, pla
     let (centre, radius) = mesh.bounds();
     let mut footprint = f64::INFINITY;
     for p in placed.placements.iter().filter(|p| p.leaf == index) {
-        for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
-            let (Some(eye), Some(fov)) = (view.eye_mm, view.fov_deg) else { continue };
+        for view in manifest.perspectives() {
             let at = placed.at_time(p, manifest.time_of(view)).transform;
             let (scale, centre) = (at.x_axis.truncate().length(), at.transform_point3(centre));
-            let nearest = (DVec3::from(eye).distance(centre) - radius * scale).max(1e-3);
-            let pixel_mm = 2.0 * (fov.to_radians() / 2.0).tan() * nearest / f64::from(manifest.check.height);
+            let nearest = (DVec3::from(view.camera.eye_mm).distance(centre) - radius * scale).max(1e-3);
+            let pixel_mm =
+                2.0 * (view.camera.fov_deg.to_radians() / 2.0).tan() * nearest / f64::from(manifest.check.height);
             footprint = footprint.min(pixel_mm / (texel_mm * scale));
         }
     }

@@ -7,7 +7,7 @@
 
 use super::map_levels::map_levels;
 use super::{LeafData, LoadedLeaf, Stand};
-use crate::manifest::{TranslucencyBasis, ViewKind};
+use crate::manifest::TranslucencyBasis;
 use crate::placed;
 use crate::placed::daylight::{levels, sun_direction};
 use crate::placed::fits::reader;
@@ -203,9 +203,7 @@ fn suns(at: Stand, leaf: LoadedLeaf) -> Vec<(DVec3, [f64; 3])> {
             .collect();
     }
     let mut times: Vec<f64> = match placed.moves().plants() {
-        true => {
-            manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| manifest.time_of(v)).collect()
-        }
+        true => manifest.perspectives().map(|v| manifest.time_of(v)).collect(),
         false => vec![0.0],
     };
     times.dedup();

@@ -1,5 +1,7 @@
 //! The light of a scene: a sun, a sky, and the hours of a day.
 
+use super::table::StatedTable;
+use crate::manifest::Result;
 use crate::manifest::picture::PictureSky;
 use mesophyll_sky::SkyModel;
 use mesophyll_transport::transfer::TransferMethod;
@@ -37,30 +39,78 @@ pub enum SunLocation {
     Picture,
 }
 
-/// A constant sky all around, a physical sky above the horizon, or an environment map.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SceneSky {
-    /// Radiance of a constant sky.
-    pub radiance: Option<[f64; 3]>,
-    /// An environment map: a panorama of everything around, OpenEXR or Radiance.
-    pub environment: Option<PathBuf>,
-    /// By how much the environment map is turned from +x towards +y.
+/// The sky of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SceneSky {
+    /// The same radiance all around.
+    Even([f64; 3]),
+    /// A picture of everything around.
+    Picture(StatedPanorama),
+    /// A physical model above the horizon.
+    Physical(PhysicalSky),
+}
+
+/// An environment map: a panorama of everything around, OpenEXR or Radiance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StatedPanorama {
+    /// The file.
+    pub environment: PathBuf,
+    /// By how much it is turned from +x towards +y.
     pub rotation_deg: Option<f64>,
+    /// Scene units of radiance for 1 in the file; 1 when absent.
+    pub scale: Option<f64>,
     /// Where the sun is; when absent, it is taken from the environment map if that shows one and there is no
     /// [`SceneSun`].
     pub sun: Option<SunLocation>,
     /// The environment map itself, as read.
-    #[serde(skip)]
     pub picture: Option<Arc<PictureSky>>,
-    /// The model of a physical sky.
-    pub model: Option<SkyModel>,
-    /// Turbidity of the physical sky, from 2 (clear) to 10 (hazy).
-    pub turbidity: Option<f64>,
+}
+
+/// A physical sky.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhysicalSky {
+    /// The model.
+    pub model: SkyModel,
+    /// Turbidity, from 2 (clear) to 10 (hazy).
+    pub turbidity: f64,
     /// Reflectance of a level, matte ground that lights the scene from below; there is none when absent.
     pub ground_albedo: Option<[f64; 3]>,
-    /// Scene units of radiance for 1 kcd/m², or for 1 in an environment map; 1 when absent.
+    /// Scene units of radiance for 1 kcd/m²; 1 when absent.
     pub scale: Option<f64>,
+}
+
+impl SceneSky {
+    /// Scene units of radiance for the sky's own unit, where the scene states them.
+    pub fn scale(&self) -> Option<f64> {
+        match self {
+            SceneSky::Even(_) => None,
+            SceneSky::Picture(sky) => sky.scale,
+            SceneSky::Physical(sky) => sky.scale,
+        }
+    }
+
+    pub(super) fn read(mut t: StatedTable) -> Result<SceneSky> {
+        let (sky, beside) = if t.has("radiance") {
+            (SceneSky::Even(t.needed("radiance")?), " beside radiance, which is all of a constant sky")
+        } else if t.has("environment") {
+            let (environment, rotation_deg, picture) = (t.needed("environment")?, t.stated("rotation_deg")?, None);
+            let (scale, sun) = (t.stated("scale")?, t.stated("sun")?);
+            let panorama = StatedPanorama { environment, rotation_deg, scale, sun, picture };
+            (SceneSky::Picture(panorama), " beside environment, which is the whole sky")
+        } else if t.has("model") {
+            t.called = "a physical sky".into();
+            let (model, turbidity) = (t.needed("model")?, t.needed("turbidity")?);
+            let (ground_albedo, scale) = (t.stated("ground_albedo")?, t.stated("scale")?);
+            let sky = PhysicalSky { model, turbidity, ground_albedo, scale };
+            (SceneSky::Physical(sky), " beside model, whose sky is turned to its [sun]")
+        } else {
+            let what = "missing, and no model or environment either; expected a constant radiance, model = \
+                        \"preetham\" or an environment map";
+            return Err(t.missing("radiance", what));
+        };
+        t.finish(beside)?;
+        Ok(sky)
+    }
 }
 
 /// Light between leaves, which is computed before the first picture (`mesophyll fit transfer`), and its resolution.

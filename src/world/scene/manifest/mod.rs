@@ -12,13 +12,14 @@ mod leaf;
 mod light;
 mod picture;
 mod plant;
+mod table;
 mod unknowns;
 mod validate;
 mod view;
 
 pub use grass::StatedLawn;
 pub use leaf::{InteriorSource, StatedLeaf, StatedScan, StatedTranslucency, UniformLeaf, UpAxis};
-pub use light::{SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, SunLocation};
+pub use light::{PhysicalSky, SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, StatedPanorama, SunLocation};
 pub use mesophyll_base::surface::basis::TranslucencyBasis;
 pub use mesophyll_sky::SkyModel;
 pub use picture::PictureSky;
@@ -27,7 +28,10 @@ pub use plant::{
     ScenePeriod, SceneWind, StatedFlutter, StatedPlant,
 };
 pub use unknowns::{StatedFactors, StatedPhotograph, StatedUnknowns};
-pub use view::{CheckSettings, SceneCamera, SceneView, TranslucencyReference, ViewKind};
+pub use view::{
+    CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewCamera,
+    ViewKind,
+};
 
 use mesophyll_base::error::Fault;
 pub(crate) use mesophyll_base::error::{Error, Result};
@@ -36,6 +40,8 @@ use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::whole_file;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use table::StatedTable;
+use toml::de::DeTable;
 
 /// The content of `data/scenes/*.toml` (format: `data/scenes/README.md`).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -81,13 +87,14 @@ pub struct SceneManifest {
     /// The sun; without it there is no direct sunlight.
     pub sun: Option<SceneSun>,
     /// The sky; without it the sun is the only light.
+    #[serde(skip)]
     pub sky: Option<SceneSky>,
     /// Hours of a day at which the scene is drawn too.
     pub day: Option<SceneDay>,
     /// Light between leaves in real time. Without it every leaf is lit as if it stood alone.
     pub transfer: Option<SceneTransfer>,
     /// The views: cameras, and what they show.
-    #[serde(default, rename = "view")]
+    #[serde(skip)]
     pub views: Vec<SceneView>,
     /// The camera's exposure, for pictures by `render --tone film`.
     pub camera: Option<SceneCamera>,
@@ -125,8 +132,13 @@ impl SceneManifest {
     /// # Errors
     /// As [`SceneManifest::read`].
     pub fn parse(text: &str, path: &Path) -> Result<SceneManifest> {
-        let mut manifest: SceneManifest =
-            toml::from_str(text).map_err(|e| gone(path, text, Error::toml(path, text, &e)))?;
+        let wrong = |e: toml::de::Error| gone(path, text, Error::toml(path, text, &e));
+        let mut root = DeTable::parse(text).map_err(wrong)?;
+        let views = StatedTable::all((path, text), root.get_mut(), "view")?;
+        let sky = StatedTable::one((path, text), root.get_mut(), "sky")?;
+        let mut manifest = SceneManifest::deserialize(toml::Deserializer::from(root)).map_err(wrong)?;
+        manifest.views = views.into_iter().map(SceneView::read).collect::<Result<_>>()?;
+        manifest.sky = sky.map(SceneSky::read).transpose()?;
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, text)?;
         manifest.layer(0.0, false)?;
@@ -159,17 +171,26 @@ impl SceneManifest {
     /// Adds a view from above to a scene without a perspective view, for callers that want to know what stands in it
     /// but need no picture.
     pub fn look_from_above(&mut self) {
-        if !self.views.iter().any(|v| v.kind == ViewKind::Perspective) {
-            let (eye_mm, up) = (Some([0.0, 0.0, 1e6]), Some([0.0, 1.0, 0.0]));
-            self.views.push(SceneView {
-                name: "above".into(),
-                eye_mm,
-                target_mm: Some([0.0; 3]),
-                up,
-                fov_deg: Some(30.0),
-                ..SceneView::default()
-            });
+        if self.perspectives().next().is_none() {
+            let (eye_mm, target_mm, up, fov_deg) = ([0.0, 0.0, 1e6], [0.0; 3], [0.0, 1.0, 0.0], 30.0);
+            let camera = ViewCamera { eye_mm, target_mm, up, fov_deg };
+            self.views.push(SceneView::Perspective(PerspectiveView::new("above", camera)));
         }
+    }
+
+    /// The views of the scene as it stands.
+    pub fn perspectives(&self) -> impl Iterator<Item = &PerspectiveView> + Clone {
+        self.views.iter().filter_map(|v| if let SceneView::Perspective(view) = v { Some(view) } else { None })
+    }
+
+    /// The views of cards.
+    pub fn cards(&self) -> impl Iterator<Item = &CardView> + Clone {
+        self.views.iter().filter_map(|v| if let SceneView::Card(view) = v { Some(view) } else { None })
+    }
+
+    /// The views of leaves as their scans saw them.
+    pub fn captures(&self) -> impl Iterator<Item = &CaptureView> + Clone {
+        self.views.iter().filter_map(|v| if let SceneView::Capture(view) = v { Some(view) } else { None })
     }
 
     /// Replaces an instance with a list of positions by one instance for each position.
@@ -214,35 +235,46 @@ impl SceneManifest {
             return Err(missing("tolerance".into()));
         }
         for view in &self.views {
-            let needs = [
-                ("max_error", view.max_error.is_none() && view.kind != ViewKind::Capture),
-                ("flip_p99", view.flip_p99.is_none() && view.kind == ViewKind::Perspective),
-            ];
+            let needs = match view {
+                SceneView::Perspective(v) => [("max_error", v.max_error.is_none()), ("flip_p99", v.flip_p99.is_none())],
+                SceneView::Card(v) => [("max_error", v.max_error.is_none()), ("flip_p99", false)],
+                SceneView::Capture(_) => continue,
+            };
             if let Some((key, _)) = needs.iter().find(|n| n.1) {
-                return Err(missing(format!("view \"{}\": {key}", view.name)));
+                return Err(missing(format!("view \"{}\": {key}", view.name())));
             }
         }
         Ok(())
     }
 
-    /// Whether the sky is a physical model.
-    pub fn physical_sky(&self) -> bool {
-        self.sky.as_ref().is_some_and(|s| s.model.is_some())
+    /// The sky's physical model, if the sky is one.
+    pub fn physical_sky(&self) -> Option<&PhysicalSky> {
+        if let Some(SceneSky::Physical(sky)) = &self.sky { Some(sky) } else { None }
+    }
+
+    /// The radiance of a constant sky.
+    pub fn even_sky(&self) -> Option<[f64; 3]> {
+        if let Some(SceneSky::Even(radiance)) = self.sky { Some(radiance) } else { None }
+    }
+
+    /// What the scene states of the sky's picture, if the sky is one.
+    pub fn panorama(&self) -> Option<&StatedPanorama> {
+        if let Some(SceneSky::Picture(sky)) = &self.sky { Some(sky) } else { None }
     }
 
     /// The sky's picture, if the sky is one.
     pub fn pictured(&self) -> Option<&PictureSky> {
-        self.sky.as_ref().and_then(|s| s.picture.as_deref())
+        self.panorama()?.picture.as_deref()
     }
 
     /// Whether the sky's light depends on its direction.
     pub fn varied_sky(&self) -> bool {
-        self.physical_sky() || self.sky.as_ref().is_some_and(|s| s.environment.is_some())
+        self.physical_sky().is_some() || self.panorama().is_some()
     }
 
     /// The factor for radiance in a picture with a film's curve. It comes from the scene's camera where there is one.
     pub fn film_exposure(&self) -> f64 {
-        let unit = self.sky.as_ref().filter(|s| s.model.is_some()).and_then(|s| s.scale).unwrap_or(1.0);
+        let unit = self.physical_sky().and_then(|s| s.scale).unwrap_or(1.0);
         // A radiance of 1 kcd/m² is `unit` scene units.
         self.camera.map_or(self.exposure, |camera| camera.exposure() * 1e3 / unit)
     }
@@ -253,7 +285,7 @@ impl SceneManifest {
     }
 
     /// The time at which a view shows the scene (s).
-    pub fn time_of(&self, view: &SceneView) -> f64 {
+    pub fn time_of(&self, view: &PerspectiveView) -> f64 {
         view.time_s.unwrap_or_else(|| self.rest_time())
     }
 

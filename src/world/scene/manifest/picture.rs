@@ -3,7 +3,7 @@
 //! The path tracer takes the picture as it is. In real time the sky is a few harmonics, in which a disk of half a
 //! degree would be lost. So there the sun is taken out of the picture, and shines from its place as a disk of its own.
 
-use crate::manifest::{Error, Result, SceneManifest, SceneSun, SunLocation};
+use crate::manifest::{Error, Result, SceneManifest, SceneSky, SceneSun, SunLocation};
 use glam::DVec3;
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::progress;
@@ -38,10 +38,8 @@ impl SceneManifest {
     /// # Errors
     /// [`Error::Input`] for a picture that cannot be read, or that shows no sun where the scene says that it does.
     pub(crate) fn read_picture(&mut self) -> Result<()> {
-        let Some((file, sky)) = self.sky.as_ref().and_then(|s| Some((s.environment.as_ref()?, s))) else {
-            return Ok(());
-        };
-        let (path, wanted) = (self.resolve(file), sky.sun == Some(SunLocation::Picture));
+        let Some(sky) = self.panorama() else { return Ok(()) };
+        let (path, wanted) = (self.resolve(&sky.environment), sky.sun == Some(SunLocation::Picture));
         let (turn, scale) = (sky.rotation_deg.unwrap_or(0.0), sky.scale.unwrap_or(1.0));
         let whole = Environment::read(&path)?.placed(turn, scale).map_err(|what| Error::input(&path, what))?;
         let reduced = whole.reduced(COLUMNS);
@@ -67,7 +65,7 @@ impl SceneManifest {
                 rest
             }
         };
-        if let Some(sky) = &mut self.sky {
+        if let Some(SceneSky::Picture(sky)) = &mut self.sky {
             sky.picture = Some(Arc::new(PictureSky { whole: Arc::new(whole), rest: Arc::new(rest) }));
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! What was measured of a scene, and which of its numbers are unknown: the tables that `fit scene` reads.
 
-use crate::manifest::{Result, SceneManifest, ViewKind};
+use crate::manifest::{Result, SceneManifest};
 use mesophyll_base::error::{Error, Fault};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -91,12 +91,11 @@ impl SceneManifest {
         };
         for (k, picture) in self.taken.iter().enumerate() {
             let field = |key: &str| format!("picture[{k}].{key}");
-            let found = self.views.iter().find(|v| v.name == picture.view);
             let cameras = || {
-                let names = self.views.iter().filter(|v| v.kind == ViewKind::Perspective).map(|v| v.name.as_str());
+                let names = self.perspectives().map(|v| v.name.as_str());
                 format!("one of the scene's perspective views ({})", names.collect::<Vec<_>>().join(", "))
             };
-            if found.is_none_or(|view| view.kind != ViewKind::Perspective) {
+            if !self.perspectives().any(|view| view.name == picture.view) {
                 return bad(&field("view"), format!("found \"{}\", expected {}", picture.view, cameras()));
             }
             if let Some(twin) = self.taken[..k].iter().position(|other| other.file == picture.file) {
@@ -168,7 +167,7 @@ impl SceneManifest {
             }
         }
         let turbidity = unknown.sky.iter().any(|n| n == "turbidity");
-        if turbidity && self.sky.as_ref().is_none_or(|sky| sky.turbidity.is_none()) {
+        if turbidity && self.physical_sky().is_none() {
             return bad("unknown.sky", "found \"turbidity\", but the sky has none; expected one with a `model`".into());
         }
         if self.ground.as_ref().is_some_and(|g| g.grain_mm.is_some()) && !unknown.ground.is_empty() {

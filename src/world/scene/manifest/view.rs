@@ -1,5 +1,7 @@
 //! The cameras of a scene, and how a picture is checked against its reference.
 
+use super::table::StatedTable;
+use crate::manifest::Result;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 use serde::{Deserialize, Serialize};
@@ -31,39 +33,28 @@ pub enum TranslucencyReference {
 }
 
 /// A picture of the scene.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SceneView {
+#[derive(Debug, Clone, PartialEq)]
+pub enum SceneView {
+    /// The scene as it stands.
+    Perspective(PerspectiveView),
+    /// A flat patch with the mean parameters of one leaf.
+    Card(CardView),
+    /// A leaf as its scan saw it.
+    Capture(CaptureView),
+}
+
+/// The scene as it stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PerspectiveView {
     /// Name of the view, which its files carry.
     pub name: String,
-    /// What it shows.
-    pub kind: ViewKind,
-    /// Place of the camera.
-    pub eye_mm: Option<[f64; 3]>,
-    /// Place that it looks at.
-    pub target_mm: Option<[f64; 3]>,
-    /// Direction that is up in the picture; z when absent.
-    pub up: Option<[f64; 3]>,
-    /// Field of view from the bottom of the picture to its top.
-    pub fov_deg: Option<f64>,
-    /// The leaf of the card or of the scan.
-    pub leaf: Option<String>,
-    /// How the card is turned: angles about x, then y, then z.
-    pub rotation_deg: Option<[f64; 3]>,
-    /// Side of the scan's held-out frame; the front when absent. Side, `pass` and `frame` select the frame. Of the
-    /// frames that match, the brightest one that the fit keeps is taken.
-    pub side: Option<Side>,
-    /// The axis along which the tube travelled.
-    pub pass: Option<Travel>,
-    /// Number of the frame in its pass.
-    pub frame: Option<usize>,
+    /// Where it is seen from.
+    pub camera: ViewCamera,
     /// Time at which the scene is seen, instead of the wind's `time_s`.
     pub time_s: Option<f64>,
     /// Largest 99th percentile of FLIP against the reference.
     pub flip_p99: Option<f64>,
-    /// For a perspective view, the largest difference of a displayed value (0 to 1) over interior pixels. For a card,
-    /// the largest relative difference of the radiance from the closed form. For a scan, the allowed error of the
-    /// picture in units of the measurement's noise.
+    /// Largest difference of a displayed value (0 to 1) over interior pixels.
     pub max_error: Option<f64>,
     /// Largest median time of a frame (ms), which is judged on real GPUs only.
     pub frame_ms: Option<f64>,
@@ -71,8 +62,113 @@ pub struct SceneView {
     /// average, as with slices for a lawn's blades.
     pub blocks: Option<u32>,
     /// What transmitted light is compared with.
-    #[serde(default)]
     pub judged_by: TranslucencyReference,
+}
+
+/// A flat patch with the mean parameters of one leaf, under the scene's light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CardView {
+    /// Name of the view, which its files carry.
+    pub name: String,
+    /// Where it is seen from.
+    pub camera: ViewCamera,
+    /// The leaf.
+    pub leaf: String,
+    /// How the card is turned: angles about x, then y, then z.
+    pub rotation_deg: [f64; 3],
+    /// Largest relative difference of the radiance from the closed form.
+    pub max_error: Option<f64>,
+    /// Largest median time of a frame (ms), which is judged on real GPUs only.
+    pub frame_ms: Option<f64>,
+}
+
+/// A leaf as its scan saw it. Of the held-out frames that match, the brightest one that the fit keeps is taken.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CaptureView {
+    /// Name of the view, which its files carry.
+    pub name: String,
+    /// The leaf.
+    pub leaf: String,
+    /// Side of the frame.
+    pub side: Side,
+    /// The axis along which the tube travelled.
+    pub pass: Option<Travel>,
+    /// Number of the frame in its pass.
+    pub frame: Option<usize>,
+    /// The allowed error of the picture in units of the measurement's noise.
+    pub max_error: Option<f64>,
+}
+
+/// Where a view is seen from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewCamera {
+    /// Place of the camera.
+    pub eye_mm: [f64; 3],
+    /// Place that it looks at.
+    pub target_mm: [f64; 3],
+    /// Direction that is up in the picture.
+    pub up: [f64; 3],
+    /// Field of view from the bottom of the picture to its top.
+    pub fov_deg: f64,
+}
+
+impl SceneView {
+    /// Name of the view.
+    pub fn name(&self) -> &str {
+        match self {
+            SceneView::Perspective(view) => &view.name,
+            SceneView::Card(view) => &view.name,
+            SceneView::Capture(view) => &view.name,
+        }
+    }
+
+    pub(super) fn read(mut t: StatedTable) -> Result<SceneView> {
+        let name = t.name()?;
+        let (view, what) = match t.needed("kind")? {
+            ViewKind::Perspective => {
+                let mut view = PerspectiveView::new(&name, ViewCamera::read(&mut t)?);
+                (view.time_s, view.flip_p99) = (t.stated("time_s")?, t.stated("flip_p99")?);
+                (view.max_error, view.frame_ms) = (t.stated("max_error")?, t.stated("frame_ms")?);
+                (view.blocks, view.judged_by) = (t.stated("blocks")?, t.stated("judged_by")?.unwrap_or_default());
+                (SceneView::Perspective(view), "a perspective view, which shows the whole scene")
+            }
+            ViewKind::Card => {
+                let (leaf, camera) = (t.needed("leaf")?, ViewCamera::read(&mut t)?);
+                let rotation_deg = t.stated("rotation_deg")?.unwrap_or_default();
+                let (max_error, frame_ms) = (t.stated("max_error")?, t.stated("frame_ms")?);
+                let view = CardView { name, camera, leaf, rotation_deg, max_error, frame_ms };
+                (SceneView::Card(view), "a card, which does not move and is judged by max_error alone")
+            }
+            ViewKind::Capture => {
+                let (leaf, side) = (t.needed("leaf")?, t.stated("side")?.unwrap_or(Side::Front));
+                let (pass, frame, max_error) = (t.stated("pass")?, t.stated("frame")?, t.stated("max_error")?);
+                let view = CaptureView { name, leaf, side, pass, frame, max_error };
+                (SceneView::Capture(view), "a capture view, which has the camera and the light of its scan")
+            }
+        };
+        t.finish(&format!(", but view \"{}\" is {what}", view.name()))?;
+        Ok(view)
+    }
+}
+
+impl PerspectiveView {
+    /// A view without limits, at the wind's own time.
+    pub fn new(name: &str, camera: ViewCamera) -> PerspectiveView {
+        let (time_s, flip_p99, max_error, frame_ms, blocks) = (None, None, None, None, None);
+        let judged_by = TranslucencyReference::default();
+        PerspectiveView { name: name.into(), camera, time_s, flip_p99, max_error, frame_ms, blocks, judged_by }
+    }
+}
+
+impl ViewCamera {
+    fn read(t: &mut StatedTable) -> Result<ViewCamera> {
+        Ok(ViewCamera {
+            eye_mm: t.needed("eye_mm")?,
+            target_mm: t.needed("target_mm")?,
+            up: t.stated("up")?.unwrap_or([0.0, 0.0, 1.0]),
+            fov_deg: t.needed("fov_deg")?,
+        })
+    }
 }
 
 /// The exposure of a camera, for pictures that are made to be looked at (`mesophyll render --tone film`).

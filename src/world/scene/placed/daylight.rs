@@ -73,7 +73,7 @@ pub fn levels(manifest: &SceneManifest) -> ([f64; 3], [f64; 3]) {
         return (daylight.sun, daylight.level.map(|e| e / PI));
     }
     let sun = manifest.sun.as_ref().and_then(|s| s.irradiance).unwrap_or_default();
-    let sky = manifest.pictured().map(|p| p.rest.mean()).or_else(|| manifest.sky.as_ref()?.radiance);
+    let sky = manifest.pictured().map(|p| p.rest.mean()).or_else(|| manifest.even_sky());
     (sun, sky.unwrap_or_default())
 }
 
@@ -83,9 +83,8 @@ impl Daylight {
     /// # Errors
     /// [`Error::Input`] for a sun or turbidity that the model refuses.
     pub fn of(manifest: &SceneManifest) -> Result<Option<Daylight>> {
-        let (Some(sky), Some(sun)) = (&manifest.sky, &manifest.sun) else { return Ok(None) };
-        let Some(turbidity) = sky.model.and(sky.turbidity) else { return Ok(None) };
-        Daylight::at(manifest, sun.zenith_deg.to_radians(), sun.azimuth_deg.to_radians(), turbidity).map(Some)
+        let (Some(sky), Some(sun)) = (manifest.physical_sky(), &manifest.sun) else { return Ok(None) };
+        Daylight::at(manifest, sun.zenith_deg.to_radians(), sun.azimuth_deg.to_radians(), sky.turbidity).map(Some)
     }
 
     /// The scene's sky with another sun (rad) and turbidity. An irradiance of the sun that the scene states is kept.
@@ -94,10 +93,10 @@ impl Daylight {
     /// As [`Daylight::of`].
     pub fn at(manifest: &SceneManifest, zenith: f64, azimuth: f64, turbidity: f64) -> Result<Daylight> {
         let refused = |e: SkyRefusal| Error::field(&manifest.path, "sky", e.to_string());
-        let told = manifest.sky.as_ref();
+        let told = manifest.physical_sky();
         let scale = told.and_then(|s| s.scale).unwrap_or(1.0);
         let albedo = told.and_then(|s| s.ground_albedo);
-        let (sky, perez): (Arc<dyn Sky>, _) = match told.and_then(|s| s.model).unwrap_or_default() {
+        let (sky, perez): (Arc<dyn Sky>, _) = match told.map(|s| s.model).unwrap_or_default() {
             SkyModel::Preetham => {
                 let sky = Preetham.at(zenith, turbidity).map_err(refused)?;
                 let perez = (sky.turbid().perez(), sky.prefactors().map(|v| v * scale));
@@ -215,7 +214,7 @@ pub fn polynomials(
     moves: bool,
     ledger: &Ledger,
 ) -> Result<Option<&'static FoldedPolynomials<f32>>> {
-    let fitted = manifest.sky.as_ref().and_then(|s| s.model) == Some(SkyModel::Preetham);
+    let fitted = manifest.physical_sky().map(|s| s.model) == Some(SkyModel::Preetham);
     match (moves && fitted, ledger.count("fit", "sky")) {
         (false, _) => Ok(None),
         (true, 0) => ledger.note("fit", "sky", 0, fit::standard).map(Some),

@@ -4,7 +4,7 @@ use super::daylight;
 use super::motion::SceneMotion;
 use super::placement::{self, LeafPlacement};
 use super::visible_sides::VisibleSides;
-use crate::manifest::{InteriorSource, SceneManifest, StatedLeaf as Config, UpAxis, ViewKind};
+use crate::manifest::{InteriorSource, SceneManifest, StatedLeaf as Config, UpAxis};
 use crate::placed::fits::source::{self, FitFreshness, FitInputHash, LeafSource};
 use crate::placed::fits::translucency::{self, PlacedTranslucency};
 use crate::placed::ledger::Ledger;
@@ -70,12 +70,10 @@ impl PlacedLeaf {
         ledger: &Ledger,
     ) -> Result<PlacedLeaf> {
         let leaf = &manifest.leaves[index];
-        let shown_by = |kind: ViewKind| {
-            manifest.views.iter().filter(move |v| v.kind == kind && v.leaf.as_deref() == Some(leaf.name.as_str()))
-        };
-        let perspective = || manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-        let placed = perspective().next().is_some() && placements.iter().any(|p| p.leaf == index);
-        let used = placed || shown_by(ViewKind::Capture).next().is_some() || shown_by(ViewKind::Card).next().is_some();
+        let cards = || manifest.cards().filter(|card| card.leaf == leaf.name);
+        let compared = cards().next().is_some() || manifest.captures().any(|view| view.leaf == leaf.name);
+        let placed = manifest.perspectives().next().is_some() && placements.iter().any(|p| p.leaf == index);
+        let used = placed || compared;
         let mut out = PlacedLeaf { index, used, ..PlacedLeaf::default() };
         if !used {
             return Ok(out);
@@ -94,7 +92,6 @@ impl PlacedLeaf {
                 ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || LeafFit::open(folder))?.called(&leaf.name),
             );
         }
-        let compared = [ViewKind::Card, ViewKind::Capture].into_iter().any(|kind| shown_by(kind).next().is_some());
         if compared && out.fitted.as_ref().is_some_and(LeafFit::is_stated) {
             let what = "stated, not fitted; a card, and a view as its scan saw it, compare a leaf with its tissue, of \
                         which a picture says nothing: expected a fitted leaf";
@@ -108,7 +105,7 @@ impl PlacedLeaf {
                 let mesh = out.blade(manifest, ledger)?;
                 let mine: Vec<&LeafPlacement> = placements.iter().filter(|p| p.leaf == index).collect();
                 let views: Vec<(DVec3, f64)> =
-                    perspective().filter_map(|v| Some((v.eye_mm?.into(), manifest.time_of(v)))).collect();
+                    manifest.perspectives().map(|v| (v.camera.eye_mm.into(), manifest.time_of(v))).collect();
                 out.facing = if search.free {
                     VisibleSides::ALL
                 } else {
@@ -123,15 +120,14 @@ impl PlacedLeaf {
         if placed {
             out.translucent = translucency::find(manifest, index, search.out, out.fitted.as_ref())?;
         }
-        for card in shown_by(ViewKind::Card) {
-            let (turn, at) =
-                (placement::rotation(card.rotation_deg.unwrap_or_default()), card.target_mm.unwrap_or_default());
+        for card in cards() {
+            let (turn, at) = (placement::rotation(card.rotation_deg), card.camera.target_mm);
             let p = LeafPlacement {
                 leaf: index,
                 transform: glam::DMat4::from_rotation_translation(turn, at.into()),
                 section: None,
             };
-            let eye = DVec3::from(card.eye_mm.unwrap_or_default());
+            let eye = DVec3::from(card.camera.eye_mm);
             out.on_cards.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[eye], sun);
         }
         Ok(out)

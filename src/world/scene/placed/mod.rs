@@ -24,7 +24,7 @@ pub mod winds;
 
 pub(crate) use mesophyll_base::error::{Error, Result};
 
-use crate::manifest::{SceneGround, SceneManifest, ViewKind};
+use crate::manifest::{SceneGround, SceneManifest};
 use crate::placed::fits::maker;
 use crate::placed::fits::source::FitFreshness;
 use crate::placed::fits::translucency::PlacedTranslucency;
@@ -75,8 +75,7 @@ impl PlacedScene {
         let planted = plant::planted(manifest, ledger)?;
         let Standing { placements, wood, winds } = stand(manifest, &planted, ledger)?;
         let shapes = planted.iter().flat_map(|p| p.shapes().map(move |shape| (p.name.clone(), shape))).collect();
-        let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-        let eyes = perspective.filter_map(|v| v.eye_mm.map(DVec3::from)).collect();
+        let eyes = manifest.perspectives().map(|v| DVec3::from(v.camera.eye_mm)).collect();
         let moves = SceneMotion { winds: winds.as_deref(), grass: false };
         let leaves = (0..manifest.leaves.len())
             .map(|k| PlacedLeaf::find(manifest, (&placements, moves), k, search, ledger))

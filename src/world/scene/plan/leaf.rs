@@ -76,15 +76,6 @@ pub fn sides(manifest: &SceneManifest, leaf: &PlacedLeaf, free: bool) -> [SideNe
     })
 }
 
-fn file_need(plan: &mut ScenePlan, fitted: &LeafFit, file: &str, why: &str, of_fit: bool) {
-    let mut need = PlanNeed::new(format!("{}/{file}", fitted.name), why);
-    if of_fit {
-        need.hash = fitted.record.files.get(file).cloned();
-        need.bytes = Some(reader::bytes(fitted, file));
-    }
-    plan.need(need);
-}
-
 impl ScenePlan {
     /// Lists the leaf's fit and its translucency maps as needed or left out.
     pub(super) fn list_fits(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf) {
@@ -135,7 +126,11 @@ impl ScenePlan {
             }
         }
         if leaf.mesh.is_some() {
-            file_need(self, fitted, &leaf.mesh_name(), "the shape that is drawn", config.mesh.is_none());
+            let (file, why) = (leaf.mesh_name(), "the shape that is drawn");
+            self.need(match config.mesh {
+                None => PlanNeed::of_file(fitted, &file, why),
+                Some(_) => PlanNeed::new(reader::entry(fitted, &file), why),
+            });
         } else {
             let name = format!("{}/{BLADE}", config.name);
             self.leave_out(PlanOmission::new(name, "only a card shows this leaf", reader::bytes(fitted, BLADE), None));
@@ -256,7 +251,7 @@ impl ScenePlan {
             self.leave_out(PlanOmission::new(what, why, bytes, None));
             return;
         }
-        let mut need = PlanNeed::new(what, shows(Side::ALL[s]));
+        let mut need = PlanNeed::of_file(maps, &file, shows(Side::ALL[s]));
         need.amount = Some(format!(
             "{}, {}; without it a displayed value is off by {:.3} (99 % of the texels), {:.3} at most (measured)",
             if cost.layers == 1 { "three coefficients a texel" } else { "three coefficients a texel and channel" },
@@ -264,8 +259,6 @@ impl ScenePlan {
             cost.p99,
             cost.largest
         ));
-        need.hash = maps.record.files.get(&file).cloned();
-        need.bytes = Some(on_disk);
         self.need(need);
     }
 
@@ -347,7 +340,7 @@ impl ScenePlan {
             } else {
                 "the reference renderer's own path to the leaf"
             };
-            file_need(plan, fitted, &maps, why, true);
+            plan.need(PlanNeed::of_file(fitted, &maps, why));
         } else {
             let what = PlanOmission::new(reader::entry(fitted, &maps), unseen, reader::bytes(fitted, &maps), None);
             plan.leave_out(what);

@@ -1,7 +1,7 @@
 //! Which levels of anchors light between leaves needs: those that the views of a scene come near enough for.
 
 use super::transfer::views_decide;
-use crate::manifest::{SceneManifest, SceneView, ViewKind};
+use crate::manifest::{SceneManifest, ViewCamera};
 use crate::placed::PlacedScene;
 use glam::DVec3;
 use mesophyll_transport::transfer::anchors::{level, levels};
@@ -22,11 +22,11 @@ impl PlanCamera {
     /// middle. Across the direction from the middle it is smaller by cos θ, because the place on the picture plane is
     /// farther away. Along this direction it is smaller by cos² θ, because the ray also meets the picture at a slant.
     /// The corner has the largest θ.
-    pub fn new(view: &SceneView, [width, height]: [u32; 2]) -> PlanCamera {
-        let up = (0.5 * view.fov_deg.unwrap_or(30.0)).to_radians().tan();
+    pub fn new(camera: &ViewCamera, [width, height]: [u32; 2]) -> PlanCamera {
+        let up = (0.5 * camera.fov_deg).to_radians().tan();
         let pixels = f64::from(height.max(1));
         let across = up * f64::from(width) / pixels;
-        let at = view.eye_mm.map_or(DVec3::ZERO, DVec3::from);
+        let at = DVec3::from(camera.eye_mm);
         let middle = 2.0 * up / pixels;
         PlanCamera { at, pixel: middle / (1.0 + up * up + across * across), middle }
     }
@@ -46,8 +46,7 @@ pub fn eyes(manifest: &SceneManifest, placed: &PlacedScene) -> Vec<PlanCamera> {
         return Vec::new();
     }
     let size = [manifest.check.width, manifest.check.height];
-    let perspective = manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective);
-    perspective.map(|v| PlanCamera::new(v, size)).collect()
+    manifest.perspectives().map(|v| PlanCamera::new(&v.camera, size)).collect()
 }
 
 /// The finest level for which any eye is near enough: the distance between its pixels is fewer anchors than the next

@@ -4,7 +4,7 @@ use super::accuracy::{self, AccuracyRow};
 use super::transfer::sun_visibility;
 use super::{PlanNeed, PlanOmission, ScenePlan};
 use crate::Result;
-use crate::manifest::{SceneManifest, SceneSky, ViewKind};
+use crate::manifest::{PhysicalSky, SceneManifest, SceneSky};
 use crate::placed::PlacedScene;
 use crate::placed::daylight::{Daylight, levels, sun_direction};
 use crate::placed::visible_sides;
@@ -46,13 +46,13 @@ pub fn lights(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePl
         }
     }
     match &manifest.sky {
-        Some(sky) if sky.model.is_some() => physical_sky(manifest, sky, plan)?,
-        Some(sky) if sky.environment.is_some() => {
+        Some(SceneSky::Physical(sky)) => physical_sky(manifest, sky, plan)?,
+        Some(SceneSky::Picture(_)) => {
             let n = plan.light.sky_bands * plan.light.sky_bands;
             let what = format!("a picture: {n}x3 coefficients, summed over it; drawn behind the leaves");
             plan.need(PlanNeed { bytes: Some(16 * n as u64), ..PlanNeed::new("sky", what) });
         }
-        Some(_) => plan.need(PlanNeed::new(
+        Some(SceneSky::Even(_)) => plan.need(PlanNeed::new(
             "sky",
             "constant: three numbers, and the lobe's directional albedo where a side is glossy",
         )),
@@ -66,7 +66,7 @@ pub fn lights(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePl
 
 /// Decides how many bands light the leaves, and whether their coefficients are integrated once or come from the
 /// polynomials.
-fn physical_sky(manifest: &SceneManifest, sky: &SceneSky, plan: &mut ScenePlan) -> Result<()> {
+fn physical_sky(manifest: &SceneManifest, sky: &PhysicalSky, plan: &mut ScenePlan) -> Result<()> {
     let Some(daylight) = Daylight::of(manifest)? else { return Ok(()) };
     let mut rows = Vec::new();
     for bands in [3usize, 5, 7] {
@@ -84,15 +84,11 @@ fn physical_sky(manifest: &SceneManifest, sky: &SceneSky, plan: &mut ScenePlan) 
     // A highlight is sharper than diffuse light, so gloss needs all bands.
     plan.light.sky_bands = if glossy { 7 } else { row.map_or(7, |r| r.setting) };
     let n = plan.light.sky_bands * plan.light.sky_bands;
-    let polynomials = plan.light.sun_moves && sky.model == Some(SkyModel::Preetham);
+    let polynomials = plan.light.sun_moves && sky.model == SkyModel::Preetham;
     let how = if polynomials { "from the polynomials" } else { "integrated for this sun and turbidity" };
     let mut need = PlanNeed::new(
         "sky",
-        format!(
-            "{}, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves",
-            sky.model.unwrap_or_default(),
-            daylight.turbidity
-        ),
+        format!("{}, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves", sky.model, daylight.turbidity),
     );
     if let Some(row) = row {
         let cost = plan.measured["sky bands"]
@@ -180,8 +176,8 @@ pub fn absent_models(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut 
     let fixed = "a fixed sun and turbidity are 49x3 numbers at most, integrated directly: no polynomial in sun height \
      and turbidity";
     let why = match (&manifest.sky, &manifest.sun) {
-        (Some(sky), _) if sky.model.is_some() => fixed,
-        (Some(sky), _) if sky.environment.is_some() => "a picture does not follow the sun: its coefficients are summed",
+        (Some(SceneSky::Physical(_)), _) => fixed,
+        (Some(SceneSky::Picture(_)), _) => "a picture does not follow the sun: its coefficients are summed",
         (Some(_), _) => {
             "a constant sky under a fixed sun is three numbers, not a polynomial in sun height and turbidity"
         }
@@ -195,7 +191,7 @@ pub fn absent_models(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut 
         let why = "light through a leaf follows the slab's rho_t a texel; the scene asks for no scattering sideways";
         plan.leave_out(PlanOmission::new("translucency maps", why, texels * 8 * 2, None));
     }
-    if manifest.views.iter().all(|v| v.kind != ViewKind::Card) {
+    if manifest.cards().next().is_none() {
         plan.leave_out(PlanOmission::new("cards", "no view asks for a patch with a closed-form radiance", 0, None));
     }
 }

@@ -18,11 +18,13 @@ mod warnings;
 use crate::Result;
 use crate::manifest::SceneManifest;
 use crate::placed::PlacedScene;
-use crate::placed::fits::source::FitFreshness;
+use crate::placed::fits::{reader, source::FitFreshness};
 use crate::placed::ledger::Ledger;
 use accuracy::AccuracyRow;
+use mesophyll_fits::leaf_folder::LeafFit;
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::PathBuf;
 
 /// A thing that the scene needs.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -43,12 +45,26 @@ pub struct PlanNeed {
     /// Whether it exists; `None` where it is made in every run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub status: Option<FitFreshness>,
+    /// The path of the file, where it is one of a fit's folder.
+    #[serde(skip)]
+    pub file: Option<PathBuf>,
 }
 
 impl PlanNeed {
     /// A need with its name and its reason only.
     pub fn new(name: impl Into<String>, reason: impl Into<String>) -> PlanNeed {
-        PlanNeed { name: name.into(), reason: reason.into(), amount: None, hash: None, bytes: None, status: None }
+        let (name, reason) = (name.into(), reason.into());
+        PlanNeed { name, reason, amount: None, hash: None, bytes: None, status: None, file: None }
+    }
+
+    /// A file of a fit.
+    pub fn of_file(fit: &LeafFit, file: &str, reason: impl Into<String>) -> PlanNeed {
+        PlanNeed {
+            hash: fit.record.files.get(file).cloned(),
+            bytes: Some(reader::bytes(fit, file)),
+            file: Some(fit.folder.join(file)),
+            ..PlanNeed::new(reader::entry(fit, file), reason)
+        }
     }
 }
 
@@ -194,7 +210,7 @@ impl ScenePlan {
                 shadow_resolution: 0,
                 msaa: if manifest.tolerated() < 0.05 { 4 } else { 1 },
                 sky_bands: 7,
-                sun_moves: manifest.physical_sky() && (placed.free || manifest.sun_moves()),
+                sun_moves: manifest.physical_sky().is_some() && (placed.free || manifest.sun_moves()),
                 between: None,
             },
         };

@@ -2,7 +2,7 @@
 
 use super::{PlanNeed, PlanOmission, ScenePlan, TransferPlan, levels};
 use crate::Result;
-use crate::manifest::{SceneManifest, SceneShadows, SceneTransfer, ViewKind};
+use crate::manifest::{SceneManifest, SceneShadows, SceneTransfer};
 use crate::placed::PlacedScene;
 use crate::placed::daylight::sun_directions;
 use crate::placed::placement::LeafPlacement;
@@ -54,12 +54,12 @@ pub fn sun_visibility(manifest: &SceneManifest, placed: &PlacedScene) -> std::re
 /// Whether a ball is in the picture of any perspective view, with a small margin.
 fn in_view(manifest: &SceneManifest, centre: DVec3, radius: f64) -> bool {
     let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height.max(1));
-    manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective).any(|view| {
-        let vec = |v: Option<[f64; 3]>, or: DVec3| v.map_or(or, DVec3::from);
-        let eye = vec(view.eye_mm, DVec3::ZERO);
-        let ahead = (vec(view.target_mm, DVec3::ZERO) - eye).normalize_or(DVec3::X);
-        let right = ahead.cross(vec(view.up, DVec3::Z)).normalize_or(ahead.any_orthonormal_vector());
-        let half = 1.02 * (0.5 * view.fov_deg.unwrap_or(30.0)).to_radians().tan();
+    manifest.perspectives().any(|view| {
+        let camera = &view.camera;
+        let [eye, target, up] = [camera.eye_mm, camera.target_mm, camera.up].map(DVec3::from);
+        let ahead = (target - eye).normalize_or(DVec3::X);
+        let right = ahead.cross(up).normalize_or(ahead.any_orthonormal_vector());
+        let half = 1.02 * (0.5 * camera.fov_deg).to_radians().tan();
         let d = centre - eye;
         let depth = d.dot(ahead);
         let within = |across: f64, half: f64| across.abs() <= half * depth + radius * half.hypot(1.0);
@@ -225,20 +225,16 @@ fn rows_an_anchor(glossy: bool, bands: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::manifest::SceneView;
+    use crate::manifest::{PerspectiveView, SceneView, ViewCamera};
 
     /// A ball that the picture's edge cuts is in the picture. One beside, behind or above it is not.
     #[test]
     fn a_ball_is_in_a_picture_or_beside_it() {
         let mut manifest: SceneManifest = toml::from_str("schema = 1\nname = \"a\"").unwrap();
         (manifest.check.width, manifest.check.height) = (200, 100);
-        manifest.views = vec![SceneView {
-            name: "front".into(),
-            eye_mm: Some([0.0, -100.0, 0.0]),
-            target_mm: Some([0.0; 3]),
-            fov_deg: Some(90.0),
-            ..SceneView::default()
-        }];
+        let (eye_mm, target_mm, up, fov_deg) = ([0.0, -100.0, 0.0], [0.0; 3], [0.0, 0.0, 1.0], 90.0);
+        let camera = ViewCamera { eye_mm, target_mm, up, fov_deg };
+        manifest.views = vec![SceneView::Perspective(PerspectiveView::new("front", camera))];
         let seen = |x: f64, y: f64, z: f64| in_view(&manifest, DVec3::new(x, y, z), 10.0);
         assert!(seen(0.0, 0.0, 0.0) && seen(-199.0, 0.0, 0.0) && seen(0.0, 0.0, 99.0));
         // The edge is at 200 and at 100. A ball reaches √5 and √2 times its radius beyond.

@@ -2,7 +2,7 @@
 //! view shows.
 
 use crate::Result;
-use crate::manifest::{SceneManifest, SceneView, ViewKind};
+use crate::manifest::{SceneManifest, ViewCamera};
 use crate::placed::{PlacedScene, leaf::PlacedLeaf, placement::LeafPlacement, plant::PlacedShape};
 use glam::DVec3;
 
@@ -83,12 +83,12 @@ fn unseen(manifest: &SceneManifest, placed: &PlacedScene, leaf: &PlacedLeaf) -> 
     let (centre, radius) = leaf.mesh.as_ref()?.bounds();
     let (mut largest, mut sizes, mut first) = (0.0f64, Vec::new(), None);
     for p in placed.placements.iter().filter(|p| p.leaf == leaf.index) {
-        for view in manifest.views.iter().filter(|v| v.kind == ViewKind::Perspective) {
+        for view in manifest.perspectives() {
             let LeafPlacement { transform, .. } = placed.at_time(p, manifest.time_of(view));
             let (centre, radius) = (transform.transform_point3(centre), radius * transform.x_axis.truncate().length());
             sizes.push(2.0 * radius);
             first.get_or_insert(centre);
-            largest = largest.max(pixels(manifest, view, centre, radius));
+            largest = largest.max(pixels(manifest, &view.camera, centre, radius));
         }
     }
     let (Some(at), true) = (first, largest < 1.0) else { return None };
@@ -109,11 +109,10 @@ fn unseen(manifest: &SceneManifest, placed: &PlacedScene, leaf: &PlacedLeaf) -> 
 }
 
 /// Number of pixels across a ball in a view; 0 where the ball is outside.
-fn pixels(manifest: &SceneManifest, view: &SceneView, centre: DVec3, radius: f64) -> f64 {
-    let (Some(eye), Some(target), Some(fov)) = (view.eye_mm, view.target_mm, view.fov_deg) else { return 0.0 };
-    let (eye, height) = (DVec3::from(eye), f64::from(manifest.check.height));
-    let (tan, aspect) = ((0.5 * fov.to_radians()).tan(), f64::from(manifest.check.width) / height);
-    let (towards, away) = ((DVec3::from(target) - eye).normalize_or_zero(), centre - eye);
+fn pixels(manifest: &SceneManifest, camera: &ViewCamera, centre: DVec3, radius: f64) -> f64 {
+    let (eye, height) = (DVec3::from(camera.eye_mm), f64::from(manifest.check.height));
+    let (tan, aspect) = ((0.5 * camera.fov_deg.to_radians()).tan(), f64::from(manifest.check.width) / height);
+    let (towards, away) = ((DVec3::from(camera.target_mm) - eye).normalize_or_zero(), centre - eye);
     let distance = away.length();
     if distance <= radius {
         return f64::from(manifest.check.width);

@@ -1,7 +1,7 @@
 //! The figures of one view.
 
 use super::exceeds;
-use crate::manifest::{TranslucencyReference, ViewKind};
+use crate::manifest::{CardView, PerspectiveView, TranslucencyReference, ViewKind};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -70,6 +70,30 @@ pub struct ViewFigures {
     pub passed: Option<bool>,
     /// The limits that were missed, in one sentence each.
     pub why: Vec<String>,
+}
+
+impl From<&PerspectiveView> for ViewFigures {
+    fn from(view: &PerspectiveView) -> ViewFigures {
+        ViewFigures {
+            name: view.name.clone(),
+            threshold_flip_p99: view.flip_p99,
+            threshold_max_error: view.max_error,
+            threshold_frame_ms: view.frame_ms,
+            ..ViewFigures::default()
+        }
+    }
+}
+
+impl From<&CardView> for ViewFigures {
+    fn from(view: &CardView) -> ViewFigures {
+        ViewFigures {
+            name: view.name.clone(),
+            kind: ViewKind::Card,
+            threshold_max_error: view.max_error,
+            threshold_frame_ms: view.frame_ms,
+            ..ViewFigures::default()
+        }
+    }
 }
 
 /// A picture compared with the reference; errors are those of displayed values, 0 to 1.

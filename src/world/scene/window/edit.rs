@@ -8,7 +8,7 @@ use crate::draw::scene_reference::{ReferenceSampling, SceneReference};
 use crate::draw::sunlight::relight_where;
 use crate::draw::{handover, leaf_maps};
 use crate::loaded::{LoadedLeaf, LoadedScene};
-use crate::manifest::{InteriorSource, SceneView, ViewKind};
+use crate::manifest::{InteriorSource, PerspectiveView};
 use crate::placed::daylight::{self, Daylight};
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
@@ -297,8 +297,8 @@ impl Editor for SceneEditor {
             Ok(seen) => seen,
             Err(e) => return ComparisonVerdict { note: e.to_string(), ..ComparisonVerdict::default() },
         };
-        let view = self.scene.manifest.views.iter().find(|v| v.kind == ViewKind::Perspective);
-        let limit = |f: fn(&SceneView) -> Option<f64>| view.and_then(f).unwrap_or(0.0);
+        let view = self.scene.manifest.perspectives().next();
+        let limit = |f: fn(&PerspectiveView) -> Option<f64>| view.and_then(f).unwrap_or(0.0);
         let mut measures =
             vec![VerdictMeasure { name: "FLIP, 99 %".into(), value: seen.flip_p99, threshold: limit(|v| v.flip_p99) }];
         let mut note = String::new();

@@ -2,7 +2,7 @@
 //! can the sun move.
 
 use super::place::ManifestText;
-use crate::manifest::{Result, SceneDay, SceneSky};
+use crate::manifest::{PhysicalSky, Result, SceneDay, SceneSky};
 use mesophyll_sky::{SkyModel, preetham};
 
 pub fn lights(p: &ManifestText) -> Result<()> {
@@ -11,7 +11,7 @@ pub fn lights(p: &ManifestText) -> Result<()> {
         p.finite("[sun]", 0, "azimuth_deg", &[sun.azimuth_deg])?;
         match &sun.irradiance {
             Some(irradiance) => p.colour("[sun]", "irradiance", irradiance)?,
-            None if p.manifest.physical_sky() => {}
+            None if p.manifest.physical_sky().is_some() => {}
             None => {
                 return Err(p.error(
                     "[sun]",
@@ -26,7 +26,7 @@ pub fn lights(p: &ManifestText) -> Result<()> {
     if let Some(sky) = &p.manifest.sky {
         one_sky(p, sky)?;
     }
-    if p.manifest.sun_moves() && !p.manifest.physical_sky() {
+    if p.manifest.sun_moves() && p.manifest.physical_sky().is_none() {
         let (header, key) = if p.manifest.day.is_some() { ("[day]", "") } else { ("[sun]", "moves") };
         return Err(p.error(
             header,
@@ -43,7 +43,7 @@ pub fn lights(p: &ManifestText) -> Result<()> {
         p.range(HEADER, 0, "f_number", camera.f_number, [0.5, 256.0], "of a lens")?;
         p.range(HEADER, 0, "shutter_s", camera.shutter_s, [1e-6, 3600.0], "seconds")?;
         p.range(HEADER, 0, "iso", camera.iso, [1.0, 1e6], "of a sensor")?;
-        if !p.manifest.physical_sky() {
+        if p.manifest.physical_sky().is_none() {
             let why = "given, but only under a physical sky is the unit of light known; expected exposure instead";
             return Err(p.error(HEADER, 0, "", why));
         }
@@ -60,7 +60,7 @@ pub fn lights(p: &ManifestText) -> Result<()> {
         }
         for (given, what) in [
             (p.manifest.periodic.is_some(), "in a scene that repeats"),
-            (p.manifest.sky.as_ref().is_some_and(|s| s.environment.is_some()), "under an environment map"),
+            (p.manifest.panorama().is_some(), "under an environment map"),
             (p.manifest.leaves.iter().any(|l| l.discs.is_some()), "between leaves of discs"),
         ] {
             if given {
@@ -77,77 +77,34 @@ pub fn lights(p: &ManifestText) -> Result<()> {
 
 fn one_sky(p: &ManifestText, sky: &SceneSky) -> Result<()> {
     const HEADER: &str = "[sky]";
-    if sky.radiance.is_some() || sky.environment.is_some() {
-        let (what, has) = match sky.radiance {
-            Some(_) => ("radiance", "a constant sky has none, a physical one no radiance"),
-            None => ("environment", "an environment map is the whole sky"),
-        };
-        let even = sky.radiance.is_some();
-        for (key, given) in [
-            ("environment", sky.environment.is_some() && sky.radiance.is_some()),
-            ("model", sky.model.is_some()),
-            ("turbidity", sky.turbidity.is_some()),
-            ("ground_albedo", sky.ground_albedo.is_some()),
-            ("scale", even && sky.scale.is_some()),
-            ("rotation_deg", even && sky.rotation_deg.is_some()),
-            ("sun", even && sky.sun.is_some()),
-        ] {
-            if given {
-                return Err(p.error(HEADER, 0, key, format!("given beside {what}; {has}")));
+    let PhysicalSky { model, turbidity, ground_albedo, scale } = match sky {
+        SceneSky::Even(radiance) => return p.colour(HEADER, "radiance", radiance),
+        SceneSky::Picture(sky) => {
+            if sky.sun.is_some() && p.manifest.sun.is_some() {
+                let why = "found \"in the picture\", but the scene has a [sun]; expected one of the two";
+                return Err(p.error(HEADER, 0, "sun", why));
             }
+            p.finite(HEADER, 0, "rotation_deg", &[sky.rotation_deg.unwrap_or(0.0)])?;
+            let unit = "factor on the picture's radiance";
+            return sky.scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, unit));
         }
-        if sky.sun.is_some() && p.manifest.sun.is_some() {
-            let why = "found \"in the picture\", but the scene has a [sun]; expected one of the two";
-            return Err(p.error(HEADER, 0, "sun", why));
-        }
-        p.finite(HEADER, 0, "rotation_deg", &[sky.rotation_deg.unwrap_or(0.0)])?;
-        sky.scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, "factor on the picture's radiance"))?;
-        return sky.radiance.as_ref().map_or(Ok(()), |radiance| p.colour(HEADER, "radiance", radiance));
-    }
-    let Some(model) = sky.model else {
-        return Err(p.error(
-            HEADER,
-            0,
-            "radiance",
-            "missing, and no model or environment either; expected a constant radiance, model = \"preetham\" or an \
-             environment map",
-        ));
+        SceneSky::Physical(sky) => *sky,
     };
-    for (key, given) in [("rotation_deg", sky.rotation_deg.is_some()), ("sun", sky.sun.is_some())] {
-        if given {
-            return Err(p.error(HEADER, 0, key, "given beside model; a physical sky is turned to its [sun]"));
-        }
-    }
     let Some(sun) = &p.manifest.sun else {
         return Err(p.error(HEADER, 0, "model", "given without a [sun]; a physical sky needs one"));
     };
-    p.range(
-        "[sun]",
-        0,
-        "zenith_deg",
-        sun.zenith_deg,
-        [0.0, 90.0],
-        "degrees (the sun of a physical sky stands above the horizon)",
-    )?;
-    let Some(turbidity) = sky.turbidity else {
-        return Err(p.error(HEADER, 0, "turbidity", "missing; a physical sky needs one"));
-    };
+    let above = "degrees (the sun of a physical sky stands above the horizon)";
+    p.range("[sun]", 0, "zenith_deg", sun.zenith_deg, [0.0, 90.0], above)?;
     if p.manifest.sun_moves() && model == SkyModel::Preetham {
-        p.range(
-            HEADER,
-            0,
-            "turbidity",
-            turbidity,
-            preetham::TRUSTED,
-            "where the sun moves (what the polynomials were fitted to)",
-        )?;
+        let unit = "where the sun moves (what the polynomials were fitted to)";
+        p.range(HEADER, 0, "turbidity", turbidity, preetham::TRUSTED, unit)?;
     }
     let turbidities = model.over(0.0).map_or(preetham::TURBIDITIES, |model| model.turbidities());
     p.range(HEADER, 0, "turbidity", turbidity, turbidities, "")?;
-    for albedo in sky.ground_albedo.iter().flatten() {
+    for albedo in ground_albedo.iter().flatten() {
         p.range(HEADER, 0, "ground_albedo", *albedo, [0.0, 1.0], "a channel")?;
     }
-    sky.scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, "number of scene units a kcd/m\u{b2}"))
+    scale.map_or(Ok(()), |scale| p.positive(HEADER, 0, "scale", scale, "number of scene units a kcd/m\u{b2}"))
 }
 
 fn one_day(p: &ManifestText, day: &SceneDay) -> Result<()> {

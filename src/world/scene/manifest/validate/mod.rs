@@ -128,6 +128,44 @@ max_error = 0.1
                 "s.toml:9: instance.leaf: found \"oak\", expected one of the scene's leaves (elm)",
             ),
             ("fov_deg = 30", "", "s.toml:13: view.fov_deg: missing; view \"a\" needs it"),
+            (
+                "fov_deg = 30",
+                "fov_deg = \"wide\"",
+                "s.toml:18: view.fov_deg: invalid type: string \"wide\", expected f64",
+            ),
+            (
+                "fov_deg = 30",
+                "fov_deg = 30\nleaf = \"elm\"",
+                "s.toml:19: view.leaf: given, but view \"a\" is a perspective view, which shows the whole scene; \
+                 expected its fields name, kind, eye_mm, target_mm, up, fov_deg, time_s, flip_p99, max_error, \
+                 frame_ms, blocks, judged_by",
+            ),
+            (
+                "max_error = 0.1",
+                "max_error = 0.1\nblokcs = 8",
+                "s.toml:21: view.blokcs: given, but view \"a\" is a perspective view, which shows the whole scene; \
+                 expected blocks of its fields name, kind",
+            ),
+            ("\"perspective\"", "\"card\"", "s.toml:13: view.leaf: missing; view \"a\" needs it"),
+            (
+                "\"perspective\"",
+                "\"card\"\nleaf = \"elm\"",
+                "s.toml:20: view.flip_p99: given, but view \"a\" is a card, which does not move and is judged by \
+                 max_error alone; expected its fields name, kind, leaf, eye_mm, target_mm, up, fov_deg, rotation_deg, \
+                 max_error, frame_ms",
+            ),
+            (
+                "\"perspective\"",
+                "\"capture\"\nleaf = \"elm\"",
+                "s.toml:17: view.eye_mm: given, but view \"a\" is a capture view, which has the camera and the light \
+                 of its scan; expected its fields name, kind, leaf, side, pass, frame, max_error",
+            ),
+            (
+                "\"perspective\"",
+                "\"panorama\"",
+                "s.toml:15: view.kind: unknown variant `panorama`, expected one of `perspective`, `card`, `capture`",
+            ),
+            ("[[view]]", "[view]", "s.toml:13: view: found table, expected [[view]] tables"),
             ("target_mm = [0, 0, 0]", "target_mm = [0, -10, 100]", "s.toml:17: view.target_mm: is where the eye is"),
             ("tolerance = 0.004", "tolerance = nan", "s.toml:4: tolerance: found NaN"),
             ("schema = 1", "schema = 2", "s.toml:2: schema: found 2, expected 1"),
