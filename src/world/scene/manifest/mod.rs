@@ -87,14 +87,14 @@ pub struct SceneManifest {
     /// The sun; without it there is no direct sunlight.
     pub sun: Option<SceneSun>,
     /// The sky; without it the sun is the only light.
-    #[serde(skip)]
+    #[serde(default, deserialize_with = "read_apart")]
     pub sky: Option<SceneSky>,
     /// Hours of a day at which the scene is drawn too.
     pub day: Option<SceneDay>,
     /// Light between leaves in real time. Without it every leaf is lit as if it stood alone.
     pub transfer: Option<SceneTransfer>,
     /// The views: cameras, and what they show.
-    #[serde(skip)]
+    #[serde(rename = "view", default, deserialize_with = "read_apart")]
     pub views: Vec<SceneView>,
     /// The camera's exposure, for pictures by `render --tone film`.
     pub camera: Option<SceneCamera>,
@@ -116,6 +116,11 @@ pub struct SceneManifest {
 
 fn one() -> f64 {
     1.0
+}
+
+/// What [`SceneManifest::parse`] reads apart: only its name stands here, for the list of the fields that there are.
+fn read_apart<'de, D: serde::Deserializer<'de>, T: Default>(from: D) -> std::result::Result<T, D::Error> {
+    serde::de::IgnoredAny::deserialize(from).map(|_| T::default())
 }
 
 impl SceneManifest {
