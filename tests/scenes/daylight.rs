@@ -121,7 +121,7 @@ fn a_mistake_in_a_sky_is_named() {
         ("zenith_deg = 40", "zenith_deg = 100", "sun.zenith_deg: found 100, expected 0 to 90"),
         ("model = \"preetham\"\nturbidity = 3", "radiance = [1, 1, 1]", "sun.irradiance: missing"),
         ("[sun]\nzenith_deg = 40\nazimuth_deg = 30\n", "", "sky.model: given without a [sun]"),
-        ("model = \"preetham\"\nturbidity = 3", "", "sun.irradiance: missing"),
+        ("model = \"preetham\"\nturbidity = 3", "", "sky.radiance: missing, and no model or environment either"),
     ] {
         assert!(PREETHAM.contains(from));
         let error = SceneManifest::read(&lit(dir.path(), &PREETHAM.replacen(from, to, 1), "")).unwrap_err();
