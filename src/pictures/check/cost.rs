@@ -47,7 +47,7 @@ pub fn judged(frame_ms: Option<f64>, renderer: &gpu::Renderer) -> Option<f64> {
 pub fn on_adapter(renderer: &gpu::Renderer, report: &mut CheckVerdict) {
     let uploads = renderer.stats().uploads.iter();
     report.uploads = uploads.map(|u| AdapterUpload { name: u.name.clone(), bytes: u.bytes }).collect();
-    report.uploaded_bytes = report.uploads.iter().map(|u| u.bytes).sum();
+    report.uploaded_bytes = Some(report.uploads.iter().map(|u| u.bytes).sum());
     report.pipelines = renderer.stats().pipelines.clone();
 }
 

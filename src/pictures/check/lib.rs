@@ -95,8 +95,8 @@ pub fn check(scene: &LoadedScene, options: &Options, ledger: &Ledger) -> Result<
         scene: manifest.name.clone(),
         adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
         software: adapter.is_software,
-        size: [manifest.check.width, manifest.check.height],
-        reference_samples: manifest.check.samples,
+        size: (!options.goldens_only).then_some([manifest.check.width, manifest.check.height]),
+        reference_samples: (!options.goldens_only && options.frames.is_none()).then_some(manifest.check.samples),
         failures: faults.all().cloned().collect(),
         warnings: plan.warnings.iter().chain(&faults.notes).cloned().collect(),
         ..CheckVerdict::default()

@@ -29,10 +29,12 @@ pub struct CheckVerdict {
     pub adapter: String,
     /// Whether the CPU drew: then frame times are printed, not judged.
     pub software: bool,
-    /// Pixels of a picture: width and height.
-    pub size: [u32; 2],
-    /// Samples a pixel of the reference.
-    pub reference_samples: u32,
+    /// Pixels of a picture: width and height; `None` where only goldens are drawn, which have sizes of their own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size: Option<[u32; 2]>,
+    /// Samples a pixel of the reference, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_samples: Option<u32>,
     /// What else went wrong, one sentence each: files that are not as they were fitted.
     pub failures: Vec<String>,
     /// Warnings about the scene that do not fail the check: see [`crate::plan::ScenePlan::warnings`].
@@ -44,10 +46,13 @@ pub struct CheckVerdict {
     /// Capture views that could not be drawn, in one sentence each; they are not judged.
     pub skipped: Vec<String>,
     /// What was uploaded for the perspective views.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub uploads: Vec<AdapterUpload>,
     /// Their sum.
-    pub uploaded_bytes: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uploaded_bytes: Option<u64>,
     /// Names of the pipelines that were made.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pipelines: Vec<String>,
     /// Time from the start of the program to the end of the first frame (s), where only frames are timed.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -192,7 +197,7 @@ impl CheckVerdict {
             out += &format!("{}\n", film.line());
         }
         if let Some(seconds) = self.first_frame_s {
-            let megabytes = self.uploaded_bytes as f64 / 1e6;
+            let megabytes = self.uploaded_bytes.unwrap_or_default() as f64 / 1e6;
             out += &format!("the first frame after {seconds:.2} s; {megabytes:.1} MB on the adapter\n");
         }
         if !self.day.is_empty() {
