@@ -1,5 +1,5 @@
-//! The things in the world and their places, their light, and which camera sees which of their sides. The room
-//! `manifest`, below this one, holds the content of a scene file. The room `scene`, above it, decides what is needed.
+//! The things in the world and their places, their light, and which camera sees which of their sides. Below
+//! it, `manifest` holds the content of a scene file. Above it, `plan` decides what is needed.
 //!
 //! [`fits`] are the folders that a scene's leaves come from, and [`ledger`] records what was done.
 
