@@ -16,6 +16,7 @@ mod floors;
 mod inspect_file;
 mod interrupted;
 mod layout;
+mod licences;
 mod limits;
 mod links;
 mod makefile;
