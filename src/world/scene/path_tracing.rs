@@ -195,7 +195,7 @@ fn one(
     }
     let tracer = PathTracer::new(world, PathSettings { bounces: options.bounces, ..PathSettings::default() })?;
     let request = PathRequest {
-        camera: reference::camera(&view.camera),
+        camera: view.camera,
         size,
         seed: options.seed,
         target: SamplingTarget { samples, error: options.error },

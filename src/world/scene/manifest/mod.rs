@@ -29,15 +29,16 @@ pub use plant::{
 };
 pub use unknowns::{StatedFactors, StatedPhotograph, StatedUnknowns};
 pub use view::{
-    CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewCamera,
-    ViewKind,
+    CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewKind,
 };
 
+use glam::DVec3;
 use mesophyll_base::error::Fault;
 pub(crate) use mesophyll_base::error::{Error, Result};
 use mesophyll_files::numbers;
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::whole_file;
+use mesophyll_transport::ReferenceCamera;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use table::StatedTable;
@@ -177,8 +178,8 @@ impl SceneManifest {
     /// but need no picture.
     pub fn look_from_above(&mut self) {
         if self.perspectives().next().is_none() {
-            let (eye_mm, target_mm, up, fov_deg) = ([0.0, 0.0, 1e6], [0.0; 3], [0.0, 1.0, 0.0], 30.0);
-            let camera = ViewCamera { eye_mm, target_mm, up, fov_deg };
+            let (eye, target, up) = (1e6 * DVec3::Z, DVec3::ZERO, DVec3::Y);
+            let camera = ReferenceCamera { eye, target, up, fov_y_deg: 30.0 };
             self.views.push(SceneView::Perspective(PerspectiveView::new("above", camera)));
         }
     }

@@ -14,6 +14,7 @@ use mesophyll_fits::sky as fit;
 use mesophyll_sky::polynomials::FoldedPolynomials;
 use mesophyll_sky::{HarmonicCoefficients, HosekWilkie, Preetham, Sky, SkyFamily, SkyModel, SkyRefusal};
 use mesophyll_sky::{harmonics, irradiance, projection, sun};
+use mesophyll_transport::ReferenceSun;
 use mesophyll_transport::tone::display;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -65,6 +66,17 @@ pub fn sun_direction(manifest: &SceneManifest) -> Option<DVec3> {
 pub fn sun_directions(manifest: &SceneManifest) -> Vec<DVec3> {
     let hours = manifest.day.iter().flat_map(|day| day.hours.iter().map(|hour| day.sun(*hour)));
     sun_direction(manifest).into_iter().chain(hours.map(|(zenith, azimuth)| direction(zenith, azimuth))).collect()
+}
+
+/// The scene's sun, with its own light or that of the physical sky that it stands in.
+///
+/// # Errors
+/// As [`Daylight::of`].
+pub fn sun_disk(manifest: &SceneManifest) -> Result<Option<ReferenceSun>> {
+    let (Some(direction), Some(stated)) = (sun_direction(manifest), &manifest.sun) else { return Ok(None) };
+    let own = Daylight::of(manifest)?.map(|d| d.sun);
+    let irradiance = stated.irradiance.or(own).unwrap_or_default();
+    Ok(Some(ReferenceSun { direction, irradiance, radius: stated.radius_deg.to_radians() }))
 }
 
 /// Irradiance of the sun and mean radiance of the sky, in the scene's unit; 0 for one that is absent.

@@ -75,7 +75,7 @@ impl PlacedScene {
         let planted = plant::planted(manifest, ledger)?;
         let Standing { placements, wood, winds } = stand(manifest, &planted, ledger)?;
         let shapes = planted.iter().flat_map(|p| p.shapes().map(move |shape| (p.name.clone(), shape))).collect();
-        let eyes = manifest.perspectives().map(|v| DVec3::from(v.camera.eye_mm)).collect();
+        let eyes = manifest.perspectives().map(|v| v.camera.eye).collect();
         let moves = SceneMotion { winds: winds.as_deref(), grass: false };
         let leaves = (0..manifest.leaves.len())
             .map(|k| PlacedLeaf::find(manifest, (&placements, moves), k, search, ledger))
