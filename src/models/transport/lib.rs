@@ -2,9 +2,9 @@
 //!
 //! It shares no code with the GPU renderer, whose shaders are written in another language. Rays, texture look-ups, the
 //! bounded lobes, directional albedo, sampling and tone mapping are written here in f64, so that an error on one side
-//! becomes visible. Both must agree on the shading that is described at the top of `mesophyll_viewer::scene`. [`render`]
-//! draws direct light only: the sun's disk, and a constant sky or a dome of any radiance, which nothing shadows.
-//! [`path`] follows all light from leaf to leaf.
+//! becomes visible. Both must agree on the shading that is described at the top of `mesophyll_viewer::scene`.
+//! [`render`] draws direct light only: the sun's disk, and a constant sky or a dome of any radiance, which nothing
+//! shadows. [`path`] follows all light from leaf to leaf.
 //!
 //! Two things are those of `optics`, and an error in them would be on both sides of what is compared here:
 //!

@@ -118,7 +118,7 @@ impl<'a> SceneWorld<'a> {
         let (mut surfaces, mut surface_of) = (Vec::new(), vec![None; placed.leaves.len()]);
         for leaf in scene.drawn() {
             let (Some(mesh), index) = (&leaf.placed.mesh, leaf.placed.index) else { continue };
-            let material = match (&leaf.config.uniform, &leaf.placed.fitted) {
+            let material = match (leaf.config.uniform(), &leaf.placed.fitted) {
                 (Some(stated), _) => WorldMaterial::Stated(leaf, stated),
                 (None, Some(fit)) => WorldMaterial::Fitted(leaf, fit),
                 (None, None) => {

@@ -3,7 +3,7 @@
 
 use super::{handover, reference};
 use crate::loaded::LoadedScene;
-use crate::manifest::SceneManifest;
+use crate::manifest::{LeafOrigin, SceneManifest};
 use crate::placed::leaf::LeafSearch;
 use crate::placed::ledger::Ledger;
 use crate::world::{SceneWorld, WorldMaterial, WorldSky};
@@ -239,7 +239,7 @@ fn a_leaf_without_data_is_refused_by_the_world() {
         both.map(|e| e.map(|e| e.to_string()))
     };
     assert_eq!(refused(&scene), [None, None]);
-    scene.manifest.leaves[1].uniform = None;
+    scene.manifest.leaves[1].origin = LeafOrigin::Other;
     let [a, b] = refused(&scene);
     assert_eq!(a, b);
     assert!(a.unwrap().contains("leaf \"sheet\": its maps are not made yet; `mesophyll run` makes them"));

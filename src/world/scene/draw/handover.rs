@@ -222,9 +222,6 @@ fn lit(
         WorldSky::Picture(p) => (None, Some(pictured(&p.rest, bands, lights.sun.map(|sun| sun.direction)))),
     };
     Ok(viewer::Scene {
-        meshes: Vec::new(),
-        materials: Vec::new(),
-        instances: Vec::new(),
         sun: lights.sun.map(|sun| viewer::Sun {
             direction: sun.direction.as_vec3(),
             irradiance: rgb(&sun.irradiance),
@@ -232,20 +229,12 @@ fn lit(
         }),
         sky,
         dome,
-        scanner: None,
         background: rgb(&lights.background),
-        backdrop: None,
         exposure: lights.exposure as f32,
-        in_full: false,
-        bloom: None,
         shadow_samples: plan.light.shadow_samples,
         shadow_resolution: plan.light.shadow_resolution,
         msaa: plan.light.msaa,
-        wind: None,
-        sections: None,
-        transfer: None,
-        sun_shares: None,
-        grass: Vec::new(),
+        ..viewer::Scene::default()
     })
 }
 

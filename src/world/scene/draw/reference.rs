@@ -7,7 +7,7 @@ use super::sunlight::{relight, relight_everywhere};
 use super::{grass, soil};
 use crate::Result;
 use crate::loaded::{LoadedLeaf, LoadedScene};
-use crate::manifest::{InteriorSource, SceneManifest};
+use crate::manifest::{InteriorSource, SceneManifest, SunLight};
 use crate::placed::PlacedScene;
 use crate::placed::daylight::{Daylight, sun_disk};
 use crate::placed::fits::reader;
@@ -88,11 +88,13 @@ pub fn traced(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transpo
 /// As [`world`].
 pub fn still(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = unlit(scene, time, ledger)?;
-    out.foliar = scene.drawn().map(|leaf| leaf.config.layers.clone()).collect();
+    out.foliar = scene.drawn().map(|leaf| leaf.config.layers().cloned()).collect();
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
     if let Some(picture) = scene.manifest.pictured() {
         (out.dome, out.environment) = (None, Some(picture.whole.clone()));
-        out.sun = out.sun.filter(|_| !scene.manifest.sun.as_ref().is_some_and(|sun| sun.in_picture));
+        out.sun = out
+            .sun
+            .filter(|_| !scene.manifest.sun.as_ref().is_some_and(|sun| matches!(sun.light, SunLight::Picture(_))));
     }
     Ok(out)
 }

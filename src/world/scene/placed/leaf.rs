@@ -78,7 +78,7 @@ impl PlacedLeaf {
         if !used {
             return Ok(out);
         }
-        out.uniform = leaf.uniform.is_some();
+        out.uniform = leaf.uniform().is_some();
         let source = match out.uniform {
             true => None,
             false => Some(source::source(manifest, index, search.out, search.input_hash)?),
@@ -136,7 +136,7 @@ impl PlacedLeaf {
         let mesh = ledger.note("read", name, bytes, || match leaf.discs {
             Some(_) => mesh::read_discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(LengthUnit::Metre)),
             None if leaf.part.is_some() => blades_of(&self.mesh_path, leaf.part.as_deref().unwrap_or_default()),
-            None if leaf.uniform.is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
+            None if leaf.uniform().is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
             None => mesh::read(&self.mesh_path, leaf.mesh_unit),
         })?;
         if leaf.mesh.is_none() || leaf.part.is_some() || leaf.mesh_up.unwrap_or_else(|| up(&mesh)) == UpAxis::Z {

@@ -163,7 +163,7 @@ impl PlacedScene {
         search: LeafSearch,
         ledger: &Ledger,
     ) -> Result<()> {
-        for index in self.unfitted().into_iter().filter(|k| manifest.leaves[*k].look.is_some()) {
+        for index in self.unfitted().into_iter().filter(|k| manifest.leaves[*k].look().is_some()) {
             maker::fit(manifest, index, out, &maker::fit_folder(manifest, index, out), false, ledger)?;
             self.find_again(manifest, index, LeafSearch { out: Some(out), ..search }, ledger)?;
         }

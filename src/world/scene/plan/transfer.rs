@@ -98,7 +98,7 @@ pub fn between(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut SceneP
         return Ok(());
     };
     let [along, across] = asked.anchors;
-    let shines = |k: usize| manifest.leaves[k].uniform.as_ref().is_none_or(|u| u.gloss().is_some());
+    let shines = |k: usize| manifest.leaves[k].uniform().is_none_or(|u| u.gloss().is_some());
     let gloss: Vec<bool> =
         plan.leaves.iter().enumerate().map(|(k, l)| shines(k) && l.sides.iter().any(|s| s.gloss)).collect();
     let of = |seen: bool, bands: usize| {
