@@ -284,8 +284,7 @@ impl SceneUnknowns {
         let m = stated.and_then(|l| l.uniform()).map_or(0.2, |u| u.m);
         let of = &mut world.leaves[leaf];
         for side in [&mut of.front, &mut of.back] {
-            let none = || ReferenceGloss { rho_s: [0, 1, 2].map(|_| vec![0.0]), m: vec![m as f32] };
-            change(side.gloss.get_or_insert_with(none));
+            change(side.gloss.get_or_insert_with(|| ReferenceGloss::even([0.0; 3], m)));
         }
     }
 

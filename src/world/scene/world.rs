@@ -72,10 +72,6 @@ pub struct WorldLights<'a> {
     pub sun: Option<ReferenceSun>,
     /// The light all around.
     pub sky: WorldSky<'a>,
-    /// Radiance where nothing stands and no sky is seen.
-    pub background: [f64; 3],
-    /// The factor that radiance is multiplied by before it is displayed.
-    pub exposure: f64,
 }
 
 /// The light of a scene from all around.
@@ -103,8 +99,7 @@ impl<'a> WorldLights<'a> {
             (.., Some(radiance)) => WorldSky::Even(radiance),
             _ => WorldSky::Dark,
         };
-        let (background, exposure) = (manifest.background, manifest.exposure);
-        Ok(WorldLights { sun: sun_disk(manifest)?, sky, background, exposure })
+        Ok(WorldLights { sun: sun_disk(manifest)?, sky })
     }
 }
 

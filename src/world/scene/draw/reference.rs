@@ -3,7 +3,7 @@
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
-use super::sunlight::{relight, relight_everywhere};
+use super::sunlight::relight;
 use super::{grass, soil};
 use crate::Result;
 use crate::loaded::{LoadedLeaf, LoadedScene};
@@ -32,7 +32,7 @@ use std::sync::Arc;
 pub fn world(scene: &LoadedScene, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = standing(scene, ledger)?;
     stand_at(&mut out, scene, scene.manifest.rest_time());
-    relight(&mut out, scene, &scene.placed.eyes)?;
+    relight(&mut out, scene, Some(&scene.placed.eyes))?;
     Ok(out)
 }
 
@@ -78,7 +78,7 @@ fn surface_of(surface: &WorldSurface, ledger: &Ledger) -> Result<transport::Refe
 /// As [`world`].
 pub fn traced(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = still(scene, time, ledger)?;
-    relight_everywhere(&mut out, scene)?;
+    relight(&mut out, scene, None)?;
     Ok(out)
 }
 
@@ -141,7 +141,7 @@ pub fn move_to(world: &mut transport::ReferenceWorld, scene: &LoadedScene, time:
         return Ok(());
     }
     stand_at(world, scene, time);
-    relight(world, scene, &scene.placed.eyes)
+    relight(world, scene, Some(&scene.placed.eyes))
 }
 
 /// The same, without sunlight through the leaves.
@@ -187,7 +187,7 @@ fn lit(manifest: &SceneManifest, lights: &WorldLights) -> transport::ReferenceWo
         WorldSky::Physical(daylight) => (None, Some(dome(manifest, (**daylight).clone(), 1.0))),
         WorldSky::Picture(picture) => (None, Some(pictured(&picture.rest, 1.0))),
     };
-    let WorldLights { sun, background, exposure, .. } = *lights;
+    let (sun, background, exposure) = (lights.sun, manifest.background, manifest.exposure);
     transport::ReferenceWorld { sun, sky, dome, background, exposure, ..transport::ReferenceWorld::default() }
 }
 

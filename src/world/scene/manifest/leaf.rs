@@ -143,38 +143,32 @@ impl StatedLeaf {
             }
             (LeafOrigin::Fitted(FitOrigin { fit, capture, scan }), "is drawn by the maps of a fit")
         };
-        let (mesh, part) = (t.stated("mesh")?, t.stated("part")?);
-        let (mesh_unit, mesh_up) = (t.stated("mesh_unit")?, t.stated("mesh_up")?);
-        let has_maps = !matches!(origin, LeafOrigin::Uniform(_) | LeafOrigin::Layered(_));
-        let discs = if has_maps && like.is_none() { None } else { t.stated("discs")? };
-        let (mut lobe, mut index, mut interior, mut translucency) = Default::default();
-        // What another kind of leaf has may be given where it says what is so anyway.
-        match origin {
-            LeafOrigin::Layered(_) => t.unless_default::<LobeKind>("lobe")?,
-            _ => (lobe, index) = (t.stated("lobe")?.unwrap_or_default(), t.stated("index")?),
-        }
-        match origin {
-            LeafOrigin::Other | LeafOrigin::Fitted(_) => {
-                interior = t.stated("interior")?.unwrap_or_default();
-                translucency = t.stated("translucency")?;
-            }
-            _ => t.unless_default::<InteriorSource>("interior")?,
-        }
-        t.finish(&format!(", but leaf \"{name}\" {what}"))?;
-        Ok(StatedLeaf {
+        let maps = !matches!(origin, LeafOrigin::Uniform(_) | LeafOrigin::Layered(_));
+        let layered = matches!(origin, LeafOrigin::Layered(_));
+        let leaf = StatedLeaf {
+            mesh: t.stated("mesh")?,
+            part: t.stated("part")?,
+            mesh_unit: t.stated("mesh_unit")?,
+            mesh_up: t.stated("mesh_up")?,
+            discs: if maps && like.is_none() { None } else { t.stated("discs")? },
+            // What another kind of leaf has may be given where it says what is so anyway.
+            lobe: if layered { t.default_only("lobe") } else { t.stated("lobe") }?.unwrap_or_default(),
+            index: if layered { None } else { t.stated("index")? },
+            interior: match origin {
+                LeafOrigin::Other | LeafOrigin::Fitted(_) => t.stated("interior"),
+                _ => t.default_only("interior"),
+            }?
+            .unwrap_or_default(),
+            translucency: match origin {
+                LeafOrigin::Other | LeafOrigin::Fitted(_) => t.stated("translucency")?,
+                _ => None,
+            },
             name,
             like,
             origin,
-            mesh,
-            part,
-            discs,
-            mesh_unit,
-            mesh_up,
-            interior,
-            lobe,
-            index,
-            translucency,
-        })
+        };
+        t.finish(&format!(", but leaf \"{}\" {what}", leaf.name))?;
+        Ok(leaf)
     }
 }
 

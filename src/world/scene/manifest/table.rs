@@ -92,18 +92,18 @@ impl<'a> StatedTable<'a> {
         })
     }
 
-    /// Takes out a field that this kind does not have, where it says what is so without it.
+    /// A field that this kind does not have, but that may be given where it says what is so without it.
     ///
     /// # Errors
     /// [`Error::Input`] where it holds something that no kind has.
-    pub fn unless_default<T: Deserialize<'a> + Default + PartialEq>(&mut self, key: &'static str) -> Result<()> {
+    pub fn default_only<T: Deserialize<'a> + Default + PartialEq>(&mut self, key: &'static str) -> Result<Option<T>> {
         let kept = self.fields.get_key_value(key).map(|(key, value)| (key.clone(), value.clone()));
-        let found: Option<T> = self.stated(key)?;
+        let found = self.stated(key)?.filter(|found| *found == T::default());
         self.known.pop();
-        if let Some((key, value)) = kept.filter(|_| found != Some(T::default())) {
+        if let (None, Some((key, value))) = (&found, kept) {
             self.fields.insert(key, value);
         }
-        Ok(())
+        Ok(found)
     }
 
     /// The line and the name of a field that nobody asked for and that is spelt almost like this one.

@@ -37,12 +37,8 @@ pub fn leaves(p: &ManifestText) -> Result<()> {
             return Err(p.error(HEADER, i, "part", what));
         }
         if leaf.mesh_unit.is_some() && leaf.mesh.is_none() && leaf.discs.is_none() {
-            return Err(p.error(
-                HEADER,
-                i,
-                "mesh_unit",
-                "given without a mesh; a fit's own blade says its unit itself",
-            ));
+            let what = "given without a mesh; a fit's own blade says its unit itself";
+            return Err(p.error(HEADER, i, "mesh_unit", what));
         }
         if leaf.mesh_up.is_some() && (leaf.mesh.is_none() || leaf.part.is_some()) {
             let what = "given without a mesh, or with a part, which stands as its plant does; expected a mesh alone";
@@ -55,12 +51,8 @@ pub fn leaves(p: &ManifestText) -> Result<()> {
         if let Some(scan) = scan {
             if scan.size.is_some() && scan.texels().is_none() {
                 let found = scan.size.as_deref().unwrap_or_default();
-                return Err(p.error(
-                    HEADER,
-                    i,
-                    "scan",
-                    format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180"),
-                ));
+                let what = format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180");
+                return Err(p.error(HEADER, i, "scan", what));
             }
             for side in scan.field_mm.iter().flatten() {
                 p.range(HEADER, i, "scan", *side, [0.1, 1e4], "mm of field")?;
