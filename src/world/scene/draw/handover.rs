@@ -78,14 +78,12 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     let mut barks = BarkSections::default();
     let (mut carried, ground) = (Vec::new(), world.ground());
     for (k, surface) in world.surfaces.iter().enumerate().skip(world.leaves) {
-        let (mut mesh, mut on_ring) = (viewer_mesh(surface.mesh), Vec::new());
-        if Some(k) != ground {
-            mesh = shown(k, surface.mesh);
-            if leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() {
-                let found = tubes::levels(surface.mesh, surface.bark.is_some());
-                append(&mut mesh, found.levels, &found.more);
-                on_ring = found.on_ring;
-            }
+        let (wood, mut on_ring) = (Some(k) != ground, Vec::new());
+        let mut mesh = if wood { shown(k, surface.mesh) } else { viewer_mesh(surface.mesh) };
+        if wood && leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() {
+            let found = tubes::levels(surface.mesh, surface.bark.is_some());
+            append(&mut mesh, found.levels, &found.more);
+            on_ring = found.on_ring;
         }
         carried.push(surface.bark.map(|bark| barks.carried(bark, &on_ring)));
         out.add(mesh, material(manifest, surface, ledger)?);
