@@ -259,7 +259,7 @@ fn whole(args: &Args, format: ExportFormat, path: &Path) -> Result<ExportResult>
     let names: Vec<String> = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
     let check = &scene.manifest.check;
     let size = [check.width as usize, check.height as usize];
-    let mut shown = ExportScene::of_world(&world, &names, reference::camera(&view.camera), size, &scene.manifest.name);
+    let mut shown = ExportScene::of_world(&world, &names, view.camera, size, &scene.manifest.name);
     shown.left_out.extend(scene.placed.stated().iter().map(|said| unmeasured(said)));
     if scene.placed.moves().any() {
         shown.left_out.push(format!("wind: everything stands as at {time} s"));

@@ -53,11 +53,12 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     };
     for index in wanted {
         let name = &manifest.leaves[index].name;
-        let folder = match (&manifest.leaves[index].fit, args.write_fits) {
+        let named = manifest.leaves[index].fit().and_then(|fit| fit.fit.as_ref());
+        let folder = match (named, args.write_fits) {
             (Some(named), true) => manifest.resolve(named),
             _ => maker::fit_folder(&manifest, index, &out),
         };
-        let what = if manifest.leaves[index].look.is_some() { "state" } else { "fit" };
+        let what = if manifest.leaves[index].look().is_some() { "state" } else { "fit" };
         stages.time(&format!("{what} {name}"), || {
             maker::fit(&manifest, index, &out, &folder, args.write_fits, &ledger)?;
             placed.find_again(&manifest, index, search, &ledger)

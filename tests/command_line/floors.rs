@@ -70,6 +70,7 @@ const FLOORS: [(&str, &[&[&str]]); 7] = [
             &["placed"],
             &["plan"],
             &["loaded"],
+            &["world"],
             &["draw"],
             &["path_tracing", "transfer", "window"],
             &["*"],

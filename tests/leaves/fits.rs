@@ -19,7 +19,7 @@ const SHARE: f32 = 0.02;
 fn made_anew(name: &str) {
     let manifest = SceneManifest::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/scenes/fits.toml")).unwrap();
     let index = manifest.leaf_index(name).unwrap();
-    let committed = manifest.resolve(manifest.leaves[index].fit.as_ref().unwrap());
+    let committed = manifest.resolve(manifest.leaves[index].fit().unwrap().fit.as_ref().unwrap());
     FitRecord::read(&committed).unwrap().verify(&committed).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let fresh = dir.path().join("fit");

@@ -186,7 +186,7 @@ fn a_film_of_autumn_turns_yellow() {
         ("{ chlorophyll_ug_cm2 = 0.1", "{ chlorophyll_ug_cm2 = 60", "found chlorophyll_ug_cm2 = 60, expected above 0"),
         ("{ chlorophyll_ug_cm2 = 0.1", "{ chlorophyll_ug_cm2 = 0", "found chlorophyll_ug_cm2 = 0, expected above 0"),
         ("[sun]", "[transfer]\n\n[sun]", "fades_to: given beside [transfer]"),
-        ("[[instance]]", "lobe = \"ggx\"\n\n[[instance]]", "given beside foliar"),
+        ("[[instance]]", "lobe = \"ggx\"\n\n[[instance]]", "leaf.lobe: given, but leaf"),
     ] {
         std::fs::write(folder.path().join("scene.toml"), text.replacen(old, new, 1)).unwrap();
         let (code, told) = film(folder.path(), &["--from", "0", "--to", "1", "--fps", "1"]);

@@ -11,7 +11,7 @@ use mesophyll::scene::draw::handover;
 use mesophyll::scene::draw::reference;
 use mesophyll::scene::draw::scene_reference::{ReferenceSampling, SceneReference};
 use mesophyll::scene::loaded::LoadedScene;
-use mesophyll::scene::manifest::{SceneManifest, SceneView, ViewCamera};
+use mesophyll::scene::manifest::{SceneManifest, SceneView};
 use mesophyll::scene::placed::leaf::LeafSearch;
 use mesophyll::scene::placed::ledger::Ledger;
 use mesophyll::transport;
@@ -227,12 +227,12 @@ fn a_lawn_that_nobody_sees_from_above_has_no_level_slice() {
     let path = file(dir.path(), GRASS, &format!("{GROUND}{sun}"));
     let ledger = Ledger::new();
     let mut scene = LoadedScene::open(SceneManifest::read(&path).unwrap(), LeafSearch::default(), &ledger).unwrap();
-    fn camera(manifest: &mut SceneManifest) -> &mut ViewCamera {
+    fn camera(manifest: &mut SceneManifest) -> &mut transport::ReferenceCamera {
         let SceneView::Perspective(view) = &mut manifest.views[0] else { panic!("the first view is none of the lawn") };
         &mut view.camera
     }
     let view = camera(&mut scene.manifest);
-    (view.eye_mm, view.up, view.fov_deg) = ([0.0, -3000.0, 80.0], [0.0, 0.0, 1.0], 1.0);
+    (view.eye, view.up, view.fov_y_deg) = (DVec3::new(0.0, -3000.0, 80.0), DVec3::Z, 1.0);
     let lawn = &scene.placed.grass[0];
     let slices = lawn.slices(&scene.manifest, &ledger).unwrap();
     let seen = |change: &dyn Fn(&mut SceneManifest)| {
@@ -241,12 +241,12 @@ fn a_lawn_that_nobody_sees_from_above_has_no_level_slice() {
         seen_from_above(lawn, &slices, &manifest)
     };
     assert!(!seen(&|_| {}));
-    assert!(seen(&|m| camera(m).eye_mm = [0.0, -3000.0, 2000.0]));
+    assert!(seen(&|m| camera(m).eye = DVec3::new(0.0, -3000.0, 2000.0)));
     assert!(seen(&|m| m.sun.as_mut().unwrap().zenith_deg = 30.0));
     // A picture that lies on its side looks down as far as it is wide.
     let aside = |width: u32| {
         seen(&|m| {
-            camera(m).up = [1.0, 0.0, 0.0];
+            camera(m).up = DVec3::X;
             m.check.width = width;
         })
     };

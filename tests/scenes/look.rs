@@ -109,8 +109,8 @@ fn a_leaf_from_one_picture_is_drawn_by_both_renderers_and_called_stated() {
     let good = std::fs::read_to_string(scene(dir.path())).unwrap();
     for (from, to, words) in [
         (", width_mm = 60", "", "look.toml:6: leaf.look: width_mm: missing; a picture has no scale"),
-        ("look = {", "fit = \"f\"\nlook = {", "leaf.look: given beside fit, capture or scan"),
-        ("look = {", "translucency = {}\nlook = {", "leaf.look: given beside translucency"),
+        ("look = {", "fit = \"f\"\nlook = {", "is stated by its look; expected its fields name, like, look, mesh"),
+        ("look = {", "translucency = {}\nlook = {", "leaf.translucency: given, but leaf"),
     ] {
         std::fs::write(&path, good.replacen(from, to, 1)).unwrap();
         refused(&run(["plan", text(&path)]), 2, &[words]);

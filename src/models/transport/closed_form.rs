@@ -5,9 +5,9 @@
 //! renderer. Limits: only the sun's centre counts, which is an error of the order of its radius squared over m²
 //! (2e-5/m² for the real sun).
 
+use super::camera::{CameraRays, ReferenceCamera};
 use super::lobe::{COS_VIEW_FLOOR, Lobe, ReflectionLobe};
-use super::renderer::CameraRays;
-use super::world::{ReferenceCamera, ReferenceSun};
+use super::world::ReferenceSun;
 use crate::Result;
 use glam::DVec3;
 use std::f64::consts::PI;

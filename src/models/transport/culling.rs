@@ -1,9 +1,9 @@
 //! Which things of a world a picture shows. What none of a scene's pictures shows needs no light of its own.
 
 use crate::Result;
-use crate::renderer::CameraRays;
+use crate::camera::{CameraRays, ReferenceCamera};
 use crate::stage::Stage;
-use crate::world::{ReferenceCamera, ReferenceWorld};
+use crate::world::ReferenceWorld;
 use rayon::prelude::*;
 
 /// For each of the world's instances, whether any of these cameras sees it in a picture of `width` × `height` pixels.

@@ -1,14 +1,24 @@
 //! Light transport on the CPU: the reference renderer that pictures are judged against.
 //!
-//! It shares no code with the GPU renderer or with `optics`. Rays, texture look-ups, lobes, directional albedo,
-//! sampling and tone mapping are written again here in f64, so that an error on one side becomes visible. Both must
-//! agree on the shading that is described at the top of `mesophyll_viewer::scene`. [`render`] draws direct light only:
-//! the sun's disk, and a constant sky or a dome of any radiance, which nothing shadows. [`path`] follows all light from
-//! leaf to leaf.
+//! It shares no code with the GPU renderer, whose shaders are written in another language. Rays, texture look-ups, the
+//! bounded lobes, directional albedo, sampling and tone mapping are written here in f64, so that an error on one side
+//! becomes visible. Both must agree on the shading that is described at the top of `mesophyll_viewer::scene`.
+//! [`render`] draws direct light only: the sun's disk, and a constant sky or a dome of any radiance, which nothing
+//! shadows. [`path`] follows all light from leaf to leaf.
+//!
+//! Two things are those of `optics`, and an error in them would be on both sides of what is compared here:
+//!
+//! - D and F of a lobe ([`lobe::Lobe`]). The shaders compute them on their own, and `tests/scenes/reference` compares
+//!   pictures of both. G, the limits and the albedo are this package's.
+//! - The foliar models of B1 ([`foliar`]): the table and the lobes of FSM, a ray's walk through the layers (ABM), and
+//!   the goniometer's patches. `path/foliar_tests.rs` compares pictures of both models with
+//!   `mesophyll_optics::foliar::exact`, which solves the layers' integral equation and follows no ray, and the draws of
+//!   directions with their densities.
 
 #![warn(missing_docs)]
 
 pub mod albedo;
+mod camera;
 pub mod closed_form;
 #[cfg(feature = "render")]
 pub mod comparison;
@@ -16,6 +26,7 @@ pub mod cube;
 mod culling;
 pub mod dome;
 pub mod environment;
+mod even;
 pub mod foliar;
 pub mod lobe;
 pub mod lookup;
@@ -38,13 +49,13 @@ pub mod world;
 
 pub use crate::rays as accelerate;
 
+pub use camera::{CameraRays, ReferenceCamera};
 pub use culling::shown;
 pub use dome::{DomeNode, RadianceAt, ReferenceDome};
 pub use renderer::{Options, ReferencePicture, ReferenceRenderer, render};
 pub use world::{
-    NormalFrame, NormalMap, ReferenceCamera, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh,
-    ReferencePlacement, ReferenceScanner, ReferenceSide, ReferenceSun, ReferenceWorld, SlabAt, SunTransmission,
-    SunlitMaps,
+    NormalFrame, NormalMap, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement,
+    ReferenceScanner, ReferenceSide, ReferenceSun, ReferenceWorld, SlabAt, SunTransmission, SunlitMaps,
 };
 
 pub(crate) use mesophyll_base::error::{Error, Result};

@@ -6,11 +6,12 @@
 //! pixel. The sets of a pixel depend only on the seed and on its place, so the number of threads changes nothing.
 
 use super::accelerate::Ray;
+use super::camera::{CameraRays, ReferenceCamera};
 use super::dome::{BELOW, DISK};
 use super::seeds::scramble;
 use super::shading::{Direct, DiskPoint};
 use super::tone;
-use super::world::{ReferenceCamera, ReferenceWorld};
+use super::world::ReferenceWorld;
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_files::progress::TaskProgress;
@@ -296,45 +297,4 @@ fn disk_point(index: u32, seed: u32) -> DiskPoint {
     let [u, v, ..] = sample_4d(index, 1, seed);
     let (r, phi) = (f64::from(u).sqrt(), 2.0 * PI * f64::from(v));
     [r * phi.cos(), r * phi.sin()]
-}
-
-/// The camera, as a map from the picture to rays.
-#[derive(Debug, Clone, Copy)]
-pub struct CameraRays {
-    eye: DVec3,
-    /// Direction at the top left corner, and the steps for one pixel to the right and down.
-    corner: DVec3,
-    right: DVec3,
-    down: DVec3,
-}
-
-impl CameraRays {
-    /// The rays of a camera through the pixels of a picture.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for a camera that looks nowhere, or along its own up direction.
-    pub fn new(camera: &ReferenceCamera, width: usize, height: usize) -> Result<CameraRays> {
-        let forward = (camera.target - camera.eye).normalize_or_zero();
-        let right = forward.cross(camera.up).normalize_or_zero();
-        if forward == DVec3::ZERO || right == DVec3::ZERO || !(camera.fov_y_deg > 0.0 && camera.fov_y_deg < 180.0) {
-            return Err(Error::Usage(format!(
-                "camera: eye and target must differ, up must not lie along the view, and the field of view ({}°) must \
-                 be within 0 to 180",
-                camera.fov_y_deg
-            )));
-        }
-        let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / height as f64;
-        let (right, down) = (right * pixel, right.cross(forward).normalize() * -pixel);
-        Ok(CameraRays {
-            eye: camera.eye,
-            corner: forward - right * (0.5 * width as f64) - down * (0.5 * height as f64),
-            right,
-            down,
-        })
-    }
-
-    /// The ray through (x, y) in pixels, where (0, 0) is the top left corner. Its direction is a unit vector.
-    pub fn ray(&self, x: f64, y: f64) -> Ray {
-        Ray::new(self.eye, (self.corner + self.right * x + self.down * y).normalize())
-    }
 }

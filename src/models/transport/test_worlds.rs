@@ -1,9 +1,7 @@
 //! Leaves and worlds for tests.
 
 use crate::lobe::Lobe;
-use crate::world::{
-    ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld,
-};
+use crate::world::{ReferenceGloss, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld};
 use glam::{DMat4, DVec2, DVec3};
 
 /// A level square of this half width at height 0, with its front up.
@@ -21,25 +19,13 @@ pub fn square(reach: f64) -> ReferenceMesh {
 
 /// A side that is the same everywhere. Gloss is given by its ρs and m.
 pub fn side(rho_d: f64, rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceSide {
-    let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
-    ReferenceSide {
-        interior: ReferenceInterior::Maps { rho_d: map(rho_d), rho_t: map(rho_t) },
-        gloss: gloss.map(|(rho_s, m)| ReferenceGloss { rho_s: map(rho_s), m: vec![m as f32] }),
-        normal: None,
-    }
+    let gloss = gloss.map(|(rho_s, m)| ReferenceGloss::even([rho_s; 3], m));
+    ReferenceSide::even([rho_d; 3], [rho_t; 3], gloss)
 }
 
 /// A leaf that is the same everywhere, with ρd of its two sides.
 pub fn leaf(mesh: ReferenceMesh, rho_d: [f64; 2], rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceLeaf {
-    ReferenceLeaf {
-        mesh,
-        width: 1,
-        height: 1,
-        front: side(rho_d[0], rho_t, gloss),
-        back: side(rho_d[1], rho_t, gloss),
-        mask: None,
-        lobe: Lobe::Beckmann,
-    }
+    ReferenceLeaf::even(mesh, rho_d.map(|rho_d| side(rho_d, rho_t, gloss)), Lobe::Beckmann)
 }
 
 /// Squares of half width `reach`, each with its height, the ρd of its two sides, and its ρt.

@@ -137,19 +137,6 @@ pub struct ReferenceScanner {
     pub bounded: bool,
 }
 
-/// A pinhole camera; row 0 of its picture is the top row.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReferenceCamera {
-    /// Place of the camera.
-    pub eye: DVec3,
-    /// The point that it looks at.
-    pub target: DVec3,
-    /// The direction that is up in the picture.
-    pub up: DVec3,
-    /// Full vertical field of view (degrees), above 0 and below 180.
-    pub fov_y_deg: f64,
-}
-
 /// One leaf: a single sheet of triangles whose normals point out of the front, and the look of each side.
 #[derive(Debug, Clone)]
 pub struct ReferenceLeaf {

@@ -6,8 +6,7 @@ use glam::{DMat4, DQuat, DVec2, DVec3};
 use mesophyll_transport::environment::Environment;
 use mesophyll_transport::path::{PathSettings, PathTracer};
 use mesophyll_transport::{
-    ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld,
-    lobe::Lobe,
+    ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld, lobe::Lobe,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -33,15 +32,6 @@ pub fn stress() -> Vec<StressRow> {
     rows
 }
 
-fn side(rho_d: f64, rho_t: f64) -> ReferenceSide {
-    let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
-    ReferenceSide {
-        interior: ReferenceInterior::Maps { rho_d: map(rho_d), rho_t: map(rho_t) },
-        gloss: None,
-        normal: None,
-    }
-}
-
 /// A level square, front up, 2 m wide, of `n` by `n` pieces.
 pub(crate) fn square(n: u32) -> ReferenceMesh {
     let mut mesh = ReferenceMesh::default();
@@ -64,8 +54,8 @@ pub(crate) fn square(n: u32) -> ReferenceMesh {
 }
 
 pub(crate) fn leaf(mesh: ReferenceMesh, rho_d: f64, rho_t: f64) -> ReferenceLeaf {
-    let (front, back) = (side(rho_d, rho_t), side(rho_d, rho_t));
-    ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe: Lobe::Beckmann }
+    let sides = [(); 2].map(|()| ReferenceSide::even([rho_d; 3], [rho_t; 3], None));
+    ReferenceLeaf::even(mesh, sides, Lobe::Beckmann)
 }
 
 /// Level squares: height (mm), ρd and ρt of each.

@@ -6,7 +6,7 @@ use crate::pictures::save;
 use crate::{Options, proof, told};
 use mesophyll_base::error::Result;
 use mesophyll_scene::draw::card::{self, LeafCard};
-use mesophyll_scene::draw::{handover, reference};
+use mesophyll_scene::draw::handover;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::CardView;
 use mesophyll_scene::placed::daylight::sun_direction;
@@ -43,7 +43,7 @@ pub fn one_card(
         seed: manifest.check.seed,
         ..transport::Options::default()
     };
-    let truth = transport::render(&world, &reference::camera(&view.camera), w, h, &sampling)?;
+    let truth = transport::render(&world, &view.camera, w, h, &sampling)?;
     let reference_s = start.elapsed().as_secs_f64();
     // The lobe's albedo under a sky is integrated for every pixel that is compared, so only a few hundred over the
     // picture are.
@@ -56,7 +56,7 @@ pub fn one_card(
     // The reference spreads its rays over pixel and sun. Few pixels with many rays show its own distance from the
     // formula.
     let fine = transport::Options { samples_per_pixel: 64, sun_samples: 16, ..sampling };
-    let own = transport::render(&world, &reference::camera(&view.camera), 2 * COLUMNS, 2 * ROWS, &fine)?;
+    let own = transport::render(&world, &view.camera, 2 * COLUMNS, 2 * ROWS, &fine)?;
     let own_pixels: Vec<(usize, usize)> = (0..ROWS * COLUMNS).map(|k| (2 * (k % COLUMNS), 2 * (k / COLUMNS))).collect();
     let own_exact = card.closed_form(manifest, view, (2 * COLUMNS, 2 * ROWS), &own_pixels)?;
     let (reference_worst, _) = relative(&own.hdr, 2 * COLUMNS, &own_pixels, &own_exact);

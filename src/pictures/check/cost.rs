@@ -5,15 +5,16 @@ use crate::told;
 use mesophyll_base::error::Result;
 use mesophyll_base::statistics::median_of;
 use mesophyll_scene::draw::handover;
-use mesophyll_scene::manifest::{SceneManifest, ViewCamera};
+use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::verdict::{AdapterUpload, CheckVerdict, FrameCost, TranslucencyCost, ViewFigures, exceeds};
+use mesophyll_transport::ReferenceCamera;
 use mesophyll_viewer as gpu;
 
 /// A view's report with its times, which are judged on real GPUs.
 pub fn timed(
     manifest: &SceneManifest,
     view: ViewFigures,
-    camera: &ViewCamera,
+    camera: &ReferenceCamera,
     renderer: &mut gpu::Renderer,
 ) -> Result<ViewFigures> {
     let (w, h) = (manifest.check.width, manifest.check.height);

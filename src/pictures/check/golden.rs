@@ -13,7 +13,7 @@
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::image;
-use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::manifest::{FitOrigin, LeafOrigin, SceneManifest, StatedLeaf};
 use mesophyll_scene::verdict::GoldenFigures;
 use mesophyll_transport::{comparison, tone};
 use mesophyll_viewer::Picture;
@@ -44,7 +44,8 @@ const SMALL_SCAN: (usize, usize) = (24, 96);
 
 /// Makes the scans of leaves that have no fit of their own small, so that scanning and fitting them takes seconds.
 pub fn small_scans(manifest: &mut SceneManifest) {
-    for scan in manifest.leaves.iter_mut().filter(|l| l.fit.is_none()).filter_map(|l| l.scan.as_mut()) {
+    for leaf in &mut manifest.leaves {
+        let LeafOrigin::Fitted(FitOrigin { fit: None, scan: Some(scan), .. }) = &mut leaf.origin else { continue };
         let (w, h) = scan.texels().unwrap_or((720, 540));
         let longest = w.max(h);
         let scaled = |n: usize| (n * SMALL_SCAN.1).div_ceil(longest);
@@ -58,7 +59,7 @@ pub fn small_scans(manifest: &mut SceneManifest) {
 /// Whether the scene as it stands draws its goldens. Where leaves are scanned first, only a scene with [`small_scans`]
 /// does.
 pub fn applies(manifest: &SceneManifest) -> bool {
-    !manifest.leaves.iter().any(|l| l.fit.is_none() && l.scan.is_some())
+    !manifest.leaves.iter().filter_map(StatedLeaf::fit).any(|f| f.fit.is_none() && f.scan.is_some())
 }
 
 /// Columns and rows of a scene's golden pictures: the shape of its check's pictures.

@@ -67,7 +67,7 @@ pub fn compare(manifest: &SceneManifest, out: Option<&Path>, ledger: &Ledger) ->
                 let picture = renderer.render(&handover::camera(&view.camera), w, h).map_err(told)?;
                 let options =
                     transport::Options { samples_per_pixel: manifest.check.samples, ..transport::Options::default() };
-                let reference = stage.render(&reference::camera(&view.camera), w as usize, h as usize, &options)?;
+                let reference = stage.render(&view.camera, w as usize, h as usize, &options)?;
                 let seen = measure::compare(&reference, &picture.ldr)?;
                 (flip, error) = (flip.max(seen.flip_p99), error.max(seen.max_error.unwrap_or(0.0)));
             }

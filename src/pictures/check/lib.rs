@@ -129,7 +129,7 @@ fn against_reference(
         let mut drawn = handover::scene(scene, ledger)?;
         // The path tracer follows light through everything, not only through what a view sees. Only the path tracer
         // draws leaves by their layers, and a lawn's blades in each other's shade.
-        let layers = scene.drawn().any(|leaf| leaf.config.layers.is_some());
+        let layers = scene.drawn().any(|leaf| leaf.config.layers().is_some());
         let traced = plan.light.between.is_some() || !placed.grass.is_empty() || layers;
         let mut world = if traced { transport::ReferenceWorld::default() } else { reference::world(scene, ledger)? };
         renderer.set_scene(&drawn).map_err(told)?;

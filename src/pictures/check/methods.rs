@@ -27,8 +27,7 @@ use mesophyll_scene::manifest::PerspectiveView;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport::comparison::compare;
 use mesophyll_transport::cube::CubeLight;
-use mesophyll_transport::renderer::CameraRays;
-use mesophyll_transport::{ReferencePicture, ReferenceWorld, tone};
+use mesophyll_transport::{CameraRays, ReferencePicture, ReferenceWorld, tone};
 use mesophyll_viewer as gpu;
 use mesophyll_viewer::scene as viewer;
 use std::fmt::Write;
@@ -214,7 +213,7 @@ impl Weighing<'_> {
         world.through.clear();
         world.environment = Some(Arc::new(map.clone()));
         let sampling = ReferenceSampling::of(self.scene, self.scene.manifest.check.seed);
-        let camera = reference::camera(&self.view.camera);
+        let camera = self.view.camera;
         let mut out = SceneReference::new(&world, true)?.draw(&camera, "wavelets", sampling)?;
         let lens = CameraRays::new(&camera, out.width, out.height)?;
         let exposure = self.scene.manifest.exposure;

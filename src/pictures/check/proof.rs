@@ -7,9 +7,10 @@ use mesophyll_files::{image, progress};
 use mesophyll_scene::draw::card::LeafCard;
 use mesophyll_scene::draw::handover;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneManifest, ViewCamera, ViewKind};
+use mesophyll_scene::manifest::{SceneManifest, ViewKind};
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::verdict::{ViewFigures, ViewScope};
+use mesophyll_transport::ReferenceCamera;
 use mesophyll_viewer as gpu;
 
 /// The name that the hours of a day have among the golden pictures.
@@ -50,7 +51,7 @@ pub fn all(
 fn alone(
     manifest: &SceneManifest,
     (name, kind): (&str, ViewKind),
-    camera: &ViewCamera,
+    camera: &ReferenceCamera,
     renderer: &mut gpu::Renderer,
     options: &Options,
 ) -> Result<ViewFigures> {
@@ -63,7 +64,7 @@ fn alone(
 /// Draws small the view that the renderer holds, and judges it by its golden where that applies.
 pub fn judge_view(
     manifest: &SceneManifest,
-    camera: &ViewCamera,
+    camera: &ReferenceCamera,
     renderer: &mut gpu::Renderer,
     options: &Options,
     out: &mut ViewFigures,

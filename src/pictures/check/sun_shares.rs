@@ -83,22 +83,14 @@ mod tests {
     use glam::{DMat4, DVec2, DVec3};
     use mesophyll_transport::lobe::Lobe;
     use mesophyll_transport::{
-        ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun,
-        ReferenceWorld,
+        ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld,
     };
 
     /// A small triangle below a large one that moves aside: the lower one's three vertices are dark at rest and lit
     /// afterwards, those of the upper one are always lit, and a trunk hides and is not counted.
     #[test]
     fn a_shadow_that_moves_away_is_counted() {
-        let side = || ReferenceSide {
-            interior: ReferenceInterior::Maps {
-                rho_d: [0, 1, 2].map(|_| vec![0.1]),
-                rho_t: [0, 1, 2].map(|_| vec![0.1]),
-            },
-            gloss: None,
-            normal: None,
-        };
+        let side = || ReferenceSide::even([0.1; 3], [0.1; 3], None);
         let leaf = |reach: f64| {
             let at = |x: f64, y: f64| DVec3::new(x * reach, y * reach, 0.0);
             let mesh = ReferenceMesh {
@@ -108,8 +100,7 @@ mod tests {
                 indices: vec![0, 1, 2],
                 ..ReferenceMesh::default()
             };
-            let (front, back) = (side(), side());
-            ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe: Lobe::Beckmann }
+            ReferenceLeaf::even(mesh, [side(), side()], Lobe::Beckmann)
         };
         let world = |aside: f64| ReferenceWorld {
             leaves: vec![leaf(1.0), leaf(20.0), leaf(3.0)],

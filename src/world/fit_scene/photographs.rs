@@ -6,9 +6,8 @@ use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::picture::{self, PictureRequest, RGB};
 use mesophyll_files::progress;
 use mesophyll_files::table::{BatchSpec, Groups, InputTable};
-use mesophyll_scene::draw::reference;
 use mesophyll_scene::manifest::{CheckSettings, SceneManifest, StatedFactors, StatedPhotograph};
-use mesophyll_transport::world::ReferenceCamera;
+use mesophyll_transport::ReferenceCamera;
 use std::path::Path;
 
 /// Of so many readings, one is held back from the fit to judge it.
@@ -72,7 +71,7 @@ pub fn read(manifest: &SceneManifest) -> Result<Vec<ScenePhotograph>> {
     let mut out: Vec<ScenePhotograph> = Vec::new();
     for (k, taken) in manifest.taken.iter().enumerate() {
         let Some(view) = manifest.perspectives().find(|v| v.name == taken.view) else { continue };
-        let mut shot = one(manifest, k, taken, reference::camera(&view.camera))?;
+        let mut shot = one(manifest, k, taken, view.camera)?;
         let mut number = 1;
         while out.iter().any(|s| s.name == shot.name) {
             number += 1;

@@ -106,7 +106,7 @@ pub fn photograph(folder: &Path, text: &str, factor: f64, change: impl Fn(usize,
     for view in scene.manifest.perspectives() {
         let mut picture = PathPicture::new(size[0], size[1]);
         let target = SamplingTarget { samples: Some(512), error: None };
-        let request = PathRequest { camera: reference::camera(&view.camera), size, seed: 77, target };
+        let request = PathRequest { camera: view.camera, size, seed: 77, target };
         picture.draw(&tracer, &request, "", &mut |_| Ok(()))?;
         let mut maps = ChannelMaps::new(size[0], size[1]);
         let (mut seen, mut errors) = (vec![Vec::new(); 3], vec![Vec::new(); 3]);

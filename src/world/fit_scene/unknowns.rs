@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneManifest, SceneSky, SkyModel, StatedUnknowns};
+use mesophyll_scene::manifest::{SceneManifest, SceneSky, SkyModel, StatedUnknowns, SunLight};
 use mesophyll_transport::RadianceAt;
 use mesophyll_transport::path::slopes::RadianceParameter;
 use mesophyll_transport::world::{ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceWorld};
@@ -112,7 +112,7 @@ impl SceneUnknowns {
                 let what = "found a leaf that stands nowhere in the scene, expected one that pictures could show";
                 return Err(Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what));
             };
-            let Some(stated) = &leaf.uniform else { continue };
+            let Some(stated) = leaf.uniform() else { continue };
             for what in asked {
                 let own = format!("leaf.{name}.{what}");
                 match what.as_str() {
@@ -167,8 +167,7 @@ impl SceneUnknowns {
             };
             let Some((name, _)) = index.iter().find(|(_, k)| **k == leaf) else { continue };
             let asked = |what: &str| unknown.leaves.get(*name).is_some_and(|list| list.iter().any(|n| n == what));
-            let Some(stated) = manifest.leaves.iter().find(|l| l.name == **name).and_then(|l| l.uniform.as_ref())
-            else {
+            let Some(stated) = manifest.leaves.iter().find(|l| l.name == **name).and_then(|l| l.uniform()) else {
                 continue;
             };
             for (c, high) in q.high.iter_mut().enumerate() {
@@ -216,7 +215,7 @@ impl SceneUnknowns {
         let mut out = self.manifest.clone();
         let three = |q: &UnknownQuantity| [q.at[0], q.at[1], q.at[2]];
         if let (Some(sun), Some(q)) = (&mut out.sun, self.find(&UnknownKind::Sun)) {
-            sun.irradiance = Some(three(q));
+            sun.light = SunLight::Stated(three(q));
         }
         if let Some(sky) = &mut out.sky {
             let turbidity = turbidity.or_else(|| Some(self.find(&UnknownKind::Turbidity)?.at[0]));
@@ -282,11 +281,10 @@ impl SceneUnknowns {
     /// states.
     fn gloss(&self, world: &mut ReferenceWorld, leaf: usize, change: impl Fn(&mut ReferenceGloss)) {
         let stated = self.manifest.leaves.iter().find(|l| l.name == self.leaf_name(leaf));
-        let m = stated.and_then(|l| l.uniform.as_ref()).map_or(0.2, |u| u.m);
+        let m = stated.and_then(|l| l.uniform()).map_or(0.2, |u| u.m);
         let of = &mut world.leaves[leaf];
         for side in [&mut of.front, &mut of.back] {
-            let none = || ReferenceGloss { rho_s: [0, 1, 2].map(|_| vec![0.0]), m: vec![m as f32] };
-            change(side.gloss.get_or_insert_with(none));
+            change(side.gloss.get_or_insert_with(|| ReferenceGloss::even([0.0; 3], m)));
         }
     }
 
@@ -312,7 +310,7 @@ impl SceneUnknowns {
                 UnknownKind::SkyScale => {
                     let lights = self.lights(&self.lit(None))?;
                     let own = self.find(&UnknownKind::Sun).is_some()
-                        || self.manifest.sun.as_ref().is_none_or(|sun| sun.irradiance.is_some());
+                        || self.manifest.sun.as_ref().is_none_or(|sun| sun.irradiance().is_some());
                     // The sun of a physical sky has the sky's unit.
                     let sun = lights.sun.as_ref().filter(|_| !own).map_or([0.0; 3], |s| s.irradiance);
                     let at = q.at[0];

@@ -2,9 +2,9 @@
 //!
 //! The folders are listed from the bottom up, and each may use only those before it. [`manifest`] is the content of a
 //! scene file. [`placed`] holds the things in the world and their places. [`plan`] decides which parts of a scene are
-//! needed. [`loaded`] holds the maps and curves that the plan needs. [`draw`] hands
-//! them to both renderers. [`path_tracing`], [`film`] and [`window`] use all of these. The room `check`, above this
-//! one, judges whether the pictures are right.
+//! needed. [`loaded`] holds the maps and curves that the plan needs. [`world`] puts all of it together once, and
+//! [`draw`] hands that to both renderers. [`path_tracing`], [`film`] and [`window`] use all of these. The room `check`,
+//! above this one, judges whether the pictures are right.
 
 #![warn(missing_docs)]
 
@@ -22,5 +22,6 @@ pub mod verdict;
 pub mod web;
 #[cfg(feature = "render")]
 pub mod window;
+pub mod world;
 
 pub(crate) use mesophyll_base::error::{Error, Result};

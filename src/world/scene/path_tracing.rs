@@ -195,7 +195,7 @@ fn one(
     }
     let tracer = PathTracer::new(world, PathSettings { bounces: options.bounces, ..PathSettings::default() })?;
     let request = PathRequest {
-        camera: reference::camera(&view.camera),
+        camera: view.camera,
         size,
         seed: options.seed,
         target: SamplingTarget { samples, error: options.error },
@@ -256,7 +256,8 @@ pub(crate) fn made_from(scene: &LoadedScene, view: &PerspectiveView) -> Result<S
             parts.push((format!("translucency {}", leaf.index), record));
         }
     }
-    for file in manifest.leaves.iter().filter_map(|l| l.foliar.as_ref()?.pigments.as_ref()) {
+    let own = manifest.leaves.iter().filter(|l| l.like.is_none());
+    for file in own.filter_map(|l| l.layered()?.stated.pigments.as_ref()) {
         parts.push(("pigments".into(), hash::file(&manifest.resolve(file))?));
     }
     for wood in &scene.placed.wood {

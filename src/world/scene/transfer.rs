@@ -78,7 +78,7 @@ fn shown(scene: &LoadedScene, world: &ReferenceWorld, ledger: &Ledger) -> Result
     let large = |p| ball(placed, p).is_some_and(|ball| eyes.iter().all(|eye| eye.pixels(ball) >= HIDEABLE));
     let may_hide: Vec<bool> = drawn().zip(&shown).map(|(p, shown)| *shown && large(p)).collect();
     if may_hide.iter().any(|may| *may) {
-        let cameras: Vec<_> = manifest.perspectives().map(|v| reference::camera(&v.camera)).collect();
+        let cameras: Vec<_> = manifest.perspectives().map(|v| v.camera).collect();
         let size = [manifest.check.width, manifest.check.height].map(|v| v as usize);
         let name = format!("{}: leaves that others hide", manifest.name);
         let seen = ledger.note("look", name, 0, || mesophyll_transport::shown(world, &cameras, size))?;

@@ -1,9 +1,9 @@
 //! The reference renderer is compared with closed forms, analytic geometry and itself. The leaves are built by hand.
 
 use glam::{DMat4, DVec3, DVec4};
+use mesophyll::transport::CameraRays;
 use mesophyll::transport::closed_form::FlatLeaf;
 use mesophyll::transport::lobe::Lobe;
-use mesophyll::transport::renderer::CameraRays;
 use mesophyll::transport::{
     NormalFrame, Options, ReferenceCamera, ReferenceInterior, ReferenceLeaf, ReferencePicture, ReferencePlacement,
     ReferenceRenderer, ReferenceSide, ReferenceSun, ReferenceWorld, render,

@@ -2,8 +2,8 @@
 
 use super::{SUN, alone, blade, camera, leaf, sun, uniform};
 use glam::{DMat4, DQuat, DVec3};
+use mesophyll::transport::CameraRays;
 use mesophyll::transport::lobe::Lobe;
-use mesophyll::transport::renderer::CameraRays;
 use mesophyll::transport::{Options, ReferencePlacement, ReferenceRenderer, ReferenceWorld, render};
 use std::f64::consts::PI;
 

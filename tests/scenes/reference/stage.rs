@@ -36,16 +36,11 @@ pub fn blade(w: f64, h: f64, n: usize, bend: f64) -> ReferenceMesh {
 
 /// One colour over a 1×1 map.
 pub fn uniform(rho_d: [f64; 3], rho_t: [f64; 3], gloss: Option<([f64; 3], f64)>) -> ReferenceSide {
-    let one = |c: [f64; 3]| c.map(|x| vec![x as f32]);
-    ReferenceSide {
-        interior: ReferenceInterior::Maps { rho_d: one(rho_d), rho_t: one(rho_t) },
-        gloss: gloss.map(|(rho_s, m)| ReferenceGloss { rho_s: one(rho_s), m: vec![m as f32] }),
-        normal: None,
-    }
+    ReferenceSide::even(rho_d, rho_t, gloss.map(|(rho_s, m)| ReferenceGloss::even(rho_s, m)))
 }
 
 pub fn leaf(mesh: ReferenceMesh, front: ReferenceSide, back: ReferenceSide, lobe: Lobe) -> ReferenceLeaf {
-    ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe }
+    ReferenceLeaf::even(mesh, [front, back], lobe)
 }
 
 pub fn alone(leaf: ReferenceLeaf, sun: Option<ReferenceSun>, sky: Option<[f64; 3]>) -> ReferenceWorld {

@@ -11,9 +11,8 @@
 
 use super::samples::{MOST_PATHS, PathSampler};
 use super::{Brought, PathTracer, SIDE_BY_SIDE};
-use crate::renderer::CameraRays;
+use crate::camera::{CameraRays, ReferenceCamera};
 use crate::seeds::{mix, scramble};
-use crate::world::ReferenceCamera;
 use crate::{Error, Result};
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::image::{ChannelMaps, Packing, read_exr, write_exr};

@@ -3,8 +3,9 @@
 use super::picture::{DrawingOutcome, PathPicture};
 use super::tests::BOTH;
 use super::*;
+use crate::camera::ReferenceCamera;
 use crate::test_worlds::{leaf, plates, square};
-use crate::world::{ReferenceCamera, ReferencePlacement, ReferenceSun};
+use crate::world::{ReferencePlacement, ReferenceSun};
 use glam::DMat4;
 
 fn picture_of(world: &ReferenceWorld, samples: u32, seed: u64) -> PathPicture {
@@ -84,7 +85,7 @@ fn a_stored_picture_goes_on_to_the_same_bits() {
     // The picture is stored after every round. The first store that is not the last is continued.
     let mut rounds = 0;
     loop {
-        let lens = crate::renderer::CameraRays::new(&request(40).camera, 24, 24).unwrap();
+        let lens = crate::camera::CameraRays::new(&request(40).camera, 24, 24).unwrap();
         // One row at a time, as in an interrupted picture.
         let j = rounds % 24;
         let (row, _) = tracer.row(&lens, j, 24, 5, |i| picture::pixel_seed(3, j * 24 + i, 0)).unwrap();

@@ -3,8 +3,9 @@
 use super::slopes::{DerivativeTracer, RadianceParameter};
 use super::tests::BOTH;
 use super::*;
+use crate::camera::ReferenceCamera;
 use crate::test_worlds::{leaf, plates, square};
-use crate::world::{ReferenceCamera, ReferencePlacement, ReferenceSun};
+use crate::world::{ReferencePlacement, ReferenceSun};
 use glam::DMat4;
 use std::sync::Arc;
 

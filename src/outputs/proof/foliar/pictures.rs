@@ -15,8 +15,7 @@ use mesophyll_optics::side::Side;
 use mesophyll_transport::foliar::{FoliarMaterial, FoliarModel};
 use mesophyll_transport::path::{PathPicture, PathRequest, PathSettings, PathTracer, SamplingTarget};
 use mesophyll_transport::{
-    ReferenceCamera, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun,
-    ReferenceWorld, lobe, tone,
+    ReferenceCamera, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSun, ReferenceWorld, tone,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -53,19 +52,7 @@ fn sheet() -> ReferenceMesh {
 
 /// The three sets: name, world and camera.
 fn sets() -> [(&'static str, ReferenceWorld, ReferenceCamera); 3] {
-    let black = || {
-        let none = || [0, 1, 2].map(|_| vec![0.0f32]);
-        ReferenceSide { interior: ReferenceInterior::Maps { rho_d: none(), rho_t: none() }, gloss: None, normal: None }
-    };
-    let leaf = || ReferenceLeaf {
-        mesh: sheet(),
-        width: 1,
-        height: 1,
-        front: black(),
-        back: black(),
-        mask: None,
-        lobe: lobe::Lobe::Beckmann,
-    };
+    let leaf = || ReferenceLeaf::opaque(sheet(), [0.0; 3]);
     let world = |from: DVec3, places: Vec<DMat4>| ReferenceWorld {
         leaves: vec![leaf()],
         instances: places.into_iter().map(|transform| ReferencePlacement { leaf: 0, transform }).collect(),

@@ -12,8 +12,8 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
+use mesophyll_transport::CameraRays;
 use mesophyll_transport::rays::{InstanceForest, Ray, TriangleTree};
-use mesophyll_transport::renderer::CameraRays;
 use mesophyll_viewer as gpu;
 use rayon::prelude::*;
 
@@ -52,7 +52,7 @@ pub fn silhouettes(renderer: &mut gpu::Renderer, width: u32) -> Result<LawnSilho
     let view = scene.manifest.perspectives().find(|v| v.name == "ridge").ok_or_else(|| missing("view \"ridge\""))?;
     let hill = mesophyll_scene::placed::grass::hill(&scene.manifest).ok_or_else(|| missing("ground.hill"))?;
     let reach = scene.manifest.ground.as_ref().and_then(|g| g.reach_mm).ok_or_else(|| missing("ground.reach_mm"))?;
-    let camera = reference::camera(&view.camera);
+    let camera = view.camera;
     let (w, h) = (width as usize, height as usize);
     let lens = CameraRays::new(&camera, w, h)?;
     // The share of every pixel whose rays meet something.

@@ -6,9 +6,7 @@ use glam::{DMat4, DVec2, DVec3};
 use mesophyll_transport::ReferenceCamera;
 use mesophyll_transport::lobe::Lobe;
 use mesophyll_transport::path::{PathPicture, PathRequest, PathSettings, PathTracer, SamplingStrategy, SamplingTarget};
-use mesophyll_transport::world::{
-    ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld,
-};
+use mesophyll_transport::world::{ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld};
 use serde_json::{Value, json};
 
 /// Pixels along a side of the picture, and paths for each pixel.
@@ -42,18 +40,8 @@ impl ProofScene {
             mesh.normals.extend([normal; 3]);
             mesh.uvs.extend([DVec2::ZERO; 3]);
         }
-        let map = |v: f64| [0, 1, 2].map(|_| vec![v as f32]);
-        let interior = ReferenceInterior::Maps { rho_d: map(RHO), rho_t: map(0.0) };
-        let side = ReferenceSide { interior, gloss: None, normal: None };
-        let leaf = ReferenceLeaf {
-            mesh,
-            width: 1,
-            height: 1,
-            front: side.clone(),
-            back: side,
-            mask: None,
-            lobe: Lobe::Beckmann,
-        };
+        let sides = [(); 2].map(|()| ReferenceSide::even([RHO; 3], [0.0; 3], None));
+        let leaf = ReferenceLeaf::even(mesh, sides, Lobe::Beckmann);
         let instances = vec![ReferencePlacement { leaf: 0, transform: DMat4::IDENTITY }];
         Ok(ProofScene {
             world: ReferenceWorld { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..ReferenceWorld::default() },

@@ -74,11 +74,11 @@ impl LeafCard {
         for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
             sides[s] = Some(patch(fitted, side, ledger)?);
         }
-        let [eye, target] = [view.camera.eye_mm, view.camera.target_mm].map(DVec3::from);
+        let (eye, target) = (view.camera.eye, view.camera.target);
         let turn = placement::rotation(view.rotation_deg);
         // The patch fills the picture at the angle at which it is seen.
         let slant = (turn * DVec3::Z).dot((eye - target).normalize()).abs().max(0.05);
-        let side = 4.0 * eye.distance(target) * (view.camera.fov_deg.to_radians() / 2.0).tan() / slant;
+        let side = 4.0 * eye.distance(target) * view.camera.half_height() / slant;
         Ok(LeafCard {
             leaf: leaf.placed.index,
             mesh: LeafMesh::rectangle(side, side),
@@ -101,7 +101,7 @@ impl LeafCard {
     ) -> Result<Vec<[f64; 3]>> {
         let config = &manifest.leaves[self.leaf];
         let normal = self.transform.transform_vector3(DVec3::Z).normalize();
-        let towards = DVec3::from(view.camera.eye_mm) - self.transform.transform_point3(DVec3::ZERO);
+        let towards = view.camera.eye - self.transform.transform_point3(DVec3::ZERO);
         let front = normal.dot(towards) >= 0.0;
         let (seen, far) = if front { (0, 1) } else { (1, 0) };
         let side = self.sides[seen].as_ref().ok_or_else(|| {
@@ -119,16 +119,15 @@ impl LeafCard {
             rho_t_far: self.sides[far].as_ref().map_or([0.0; 3], |p| p.rho_t),
             normal: if front { normal } else { -normal },
         };
-        let camera = reference::camera(&view.camera);
         let lights = reference::lights(manifest)?;
         let (sun, sky) = (lights.sun.as_ref(), lights.sky);
         let Some(dome) = &lights.dome else {
-            return pixels.iter().map(|&pixel| card.pixel(&camera, size, pixel, sun, sky)).collect();
+            return pixels.iter().map(|&pixel| card.pixel(&view.camera, size, pixel, sun, sky)).collect();
         };
         let radiance = |d: DVec3| (dome.radiance)(d);
         let (near, beyond) =
             (closed_form::irradiance(&radiance, card.normal), closed_form::irradiance(&radiance, -card.normal));
-        let lens = transport::renderer::CameraRays::new(&camera, size.0, size.1)?;
+        let lens = transport::CameraRays::new(&view.camera, size.0, size.1)?;
         Ok(pixels
             .par_iter()
             .map(|&(x, y)| {
@@ -174,34 +173,21 @@ fn patch(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<CardSide> {
 /// [`Error::Input`] for a physical sky that the model refuses.
 pub fn world(manifest: &SceneManifest, card: &LeafCard) -> Result<transport::ReferenceWorld> {
     let texel = |v: f64| vec![v as f32];
-    let side = |p: &Option<CardSide>| match p {
-        None => reference::black(1),
-        Some(p) => transport::ReferenceSide {
+    let side = |p: &Option<CardSide>| {
+        let Some(p) = p else { return transport::ReferenceSide::black(1) };
+        let curve = SlabInterpolant::new(p.sigma_a, p.sigma_s, 0.95 * p.thickness, 1.05 * p.thickness);
+        transport::ReferenceSide {
             interior: transport::ReferenceInterior::Scalars {
                 gamma: p.gamma.map(texel),
                 thickness: texel(p.thickness),
-                curve: {
-                    let curve = SlabInterpolant::new(p.sigma_a, p.sigma_s, 0.95 * p.thickness, 1.05 * p.thickness);
-                    Arc::new(move |h| curve.at(h))
-                },
+                curve: Arc::new(move |h| curve.at(h)),
             },
-            gloss: p
-                .rho_s
-                .iter()
-                .any(|v| *v > 0.0)
-                .then(|| transport::ReferenceGloss { rho_s: p.rho_s.map(texel), m: texel(p.m) }),
+            gloss: p.rho_s.iter().any(|v| *v > 0.0).then(|| transport::ReferenceGloss::even(p.rho_s, p.m)),
             normal: None,
-        },
+        }
     };
-    let leaf = transport::ReferenceLeaf {
-        mesh: reference::mesh(&card.mesh),
-        width: 1,
-        height: 1,
-        front: side(&card.sides[0]),
-        back: side(&card.sides[1]),
-        mask: None,
-        lobe: manifest.leaves[card.leaf].lobe(),
-    };
+    let (sides, lobe) = (card.sides.each_ref().map(side), manifest.leaves[card.leaf].lobe());
+    let leaf = transport::ReferenceLeaf::even((&card.mesh).into(), sides, lobe);
     let mut world = reference::lights(manifest)?;
     world.leaves = vec![leaf];
     world.instances = vec![transport::ReferencePlacement { leaf: 0, transform: card.transform }];

@@ -1,6 +1,5 @@
 //! Hands lawns to both renderers: blades to the path tracer, and slices to the real-time renderer.
 
-use super::reference::{black, mesh};
 use crate::manifest::SceneManifest;
 use crate::placed::grass::PlacedLawn;
 use crate::{Error, Result};
@@ -101,20 +100,8 @@ fn own<'a>(grass: &'a PlacedLawn, material: &'a str) -> impl Iterator<Item = Arc
 
 /// A matte sheet that is the same everywhere.
 fn blade(shape: &LeafMesh, optics: &Optics) -> transport::ReferenceLeaf {
-    let maps = |c: [f64; 3]| c.map(|v| vec![v as f32]);
-    let [front, back] = optics.rho_d.map(|rho_d| {
-        let interior = transport::ReferenceInterior::Maps { rho_d: maps(rho_d), rho_t: maps(optics.rho_t) };
-        transport::ReferenceSide { interior, ..black(1) }
-    });
-    transport::ReferenceLeaf {
-        mesh: mesh(shape),
-        width: 1,
-        height: 1,
-        front,
-        back,
-        mask: None,
-        lobe: lobe::Lobe::Beckmann,
-    }
+    let sides = optics.rho_d.map(|rho_d| transport::ReferenceSide::even(rho_d, optics.rho_t, None));
+    transport::ReferenceLeaf::even(shape.into(), sides, lobe::Lobe::Beckmann)
 }
 
 #[cfg(feature = "render")]
@@ -182,7 +169,7 @@ mod slices {
     pub fn seen_from_above(grass: &PlacedLawn, slices: &LawnSlices, manifest: &SceneManifest) -> bool {
         let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height);
         let views = manifest.perspectives();
-        let of_views = views.map(|view| steepest(&super::super::reference::camera(&view.camera), aspect));
+        let of_views = views.map(|view| steepest(&view.camera, aspect));
         let of_sun = sun_direction(manifest).map_or(0.0, |d| d.z.abs());
         let mut most = of_views.fold(of_sun, f64::max);
         if let Some(leaning) = &grass.leaning {
@@ -208,10 +195,7 @@ mod slices {
 
     /// The largest |Ω_z| of a camera's rays: 1 where it sees straight down or up, else that at the edge of its picture.
     fn steepest(camera: &ReferenceCamera, aspect: f64) -> f64 {
-        let forward = (camera.target - camera.eye).normalize_or_zero();
-        let right = forward.cross(camera.up).normalize_or_zero();
-        let above = right.cross(forward);
-        let tall = (0.5 * camera.fov_y_deg.to_radians()).tan();
+        let ([forward, right, above], tall) = (camera.axes(), camera.half_height());
         let within = |d: DVec3| {
             let z = d.dot(forward);
             z > 0.0 && (d.dot(right) / z).abs() <= tall * aspect && (d.dot(above) / z).abs() <= tall

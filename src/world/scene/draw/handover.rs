@@ -8,19 +8,21 @@ use super::sections::{BarkSections, plants};
 use super::{detail, grass, transfer, tubes};
 use crate::loaded::LoadedScene;
 use crate::loaded::curve::curve;
-use crate::manifest::ViewCamera;
+use crate::manifest::SceneManifest;
 use crate::placed::PlacedScene;
-use crate::placed::daylight::{self, Daylight, sun_direction};
+use crate::placed::daylight::{self, Daylight};
 use crate::placed::ledger::Ledger;
 use crate::placed::placement::LeafPlacement;
 use crate::placed::plant::PlacedWood;
 use crate::plan::levels;
+use crate::world::{SceneWorld, WorldInstance, WorldLights, WorldMaterial, WorldSky, WorldSurface};
 use crate::{Error, Result};
-use glam::{DMat4, DVec2, DVec3, Vec2, Vec3, Vec4};
+use glam::{DMat4, DVec2, DVec3, Vec4};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::side::Side;
 use mesophyll_sky::polynomials::FoldedPolynomials;
 use mesophyll_sky::{HarmonicCoefficients, panorama};
+use mesophyll_transport::ReferenceCamera;
 use mesophyll_transport::environment::Environment;
 use mesophyll_viewer::scene as viewer;
 use mesophyll_web::bundle::slab_curve;
@@ -37,8 +39,9 @@ const MANY_TRIANGLES: usize = 200_000;
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
 pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     let LoadedScene { manifest, placed, .. } = scene;
-    let mut out = lights(scene, ledger)?;
-    let mut index = vec![None; placed.leaves.len()];
+    refuse(manifest)?;
+    let world = SceneWorld::new(scene)?;
+    let mut out = lit(scene, &world.lights, ledger)?;
     // Meshes are in the order of the transfer's meshes. Those are finer where the transfer has the vertices' shares of
     // the sun.
     let finer = scene.transfer.as_ref().and_then(|t| t.sun.as_ref()).map(|sun| &sun.receivers.blades);
@@ -46,53 +49,51 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
         Some(blades) => transfer::mesh(&blades[k].mesh),
         None => viewer_mesh(mesh),
     };
-    for leaf in scene.drawn() {
-        let Some(mesh) = &leaf.placed.mesh else { continue };
-        let drawn = viewer::Material::Leaf(leaf_maps::leaf(manifest, leaf, ledger)?);
-        index[leaf.placed.index] = Some(out.add(shown(out.meshes.len(), mesh), drawn));
+    let at = |i: WorldInstance, carried| viewer::Instance {
+        mesh: i.surface,
+        material: i.surface,
+        transform: i.transform.as_mat4(),
+        carried,
+        ..viewer::Instance::default()
+    };
+    for (k, surface) in world.surfaces[..world.leaves].iter().enumerate() {
+        out.add(shown(k, surface.mesh), material(manifest, surface, ledger)?);
     }
-    for p in &placed.placements {
-        if let Some(drawn) = index[p.leaf] {
-            let carried = p.section.map(|k| viewer::SectionBinding { first: k as u32, vertices: None });
-            out.instances.push(viewer::Instance { transform: p.transform.as_mat4(), carried, ..drawn });
-        }
-    }
+    out.instances.extend(world.standing_leaves().map(|i| {
+        let section = |k| viewer::SectionBinding { first: k as u32, vertices: None };
+        at(i, i.section.map(section))
+    }));
     // A coarse triangle would blur the shadows that are stored at its corners.
-    for leaf in placed.leaves.iter().filter(|_| finer.is_none()) {
-        let (Some(mesh), Some(viewer::Instance { mesh: at, material, .. })) = (&leaf.mesh, index[leaf.index]) else {
-            continue;
-        };
-        let drawn = mesh.triangles() * out.instances.iter().filter(|i| i.mesh == at).count();
+    for (k, surface) in world.surfaces[..world.leaves].iter().enumerate().filter(|_| finer.is_none()) {
+        let drawn = surface.mesh.triangles() * out.instances.iter().filter(|i| i.mesh == k).count();
         if drawn > MANY_TRIANGLES {
-            let what = format!("{}: levels of detail", out.materials[at].name());
+            let what = format!("{}: levels of detail", out.materials[k].name());
             // The corners of a card have no place among the anchors of light between leaves.
             let card = scene.transfer.is_none();
-            out.meshes[at] = ledger.note("make", what, 0, || with_details(mesh, out.leaf(material), card));
+            out.meshes[k] = ledger.note("make", what, 0, || with_details(surface.mesh, out.leaf(k), card));
         }
     }
     let leaves: usize = out.instances.iter().map(|i| out.meshes[i.mesh].indices.len() / 3).sum();
     let all_wood: usize = placed.wood.iter().map(|w| w.mesh.triangles() * w.places.len()).sum();
     let mut barks = BarkSections::default();
-    for wood in &placed.wood {
-        let mut mesh = shown(out.meshes.len(), &wood.mesh);
-        let mut on_ring = Vec::new();
-        if leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() {
-            let found = tubes::levels(&wood.mesh, wood.bark_moves.is_some());
+    let (mut carried, ground) = (Vec::new(), world.ground());
+    for (k, surface) in world.surfaces.iter().enumerate().skip(world.leaves) {
+        let (wood, mut on_ring) = (Some(k) != ground, Vec::new());
+        let mut mesh = if wood { shown(k, surface.mesh) } else { viewer_mesh(surface.mesh) };
+        if wood && leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() {
+            let found = tubes::levels(surface.mesh, surface.bark.is_some());
             append(&mut mesh, found.levels, &found.more);
             on_ring = found.on_ring;
         }
-        let drawn = out.add(mesh, barked(&wood.name, wood.bark));
-        let carried = wood.bark_moves.as_ref().map(|bark| barks.carried(bark, &on_ring));
-        let places = wood.places.iter();
-        out.instances.extend(places.map(|place| viewer::Instance { transform: place.as_mat4(), carried, ..drawn }));
+        carried.push(surface.bark.map(|bark| barks.carried(bark, &on_ring)));
+        out.add(mesh, material(manifest, surface, ledger)?);
     }
-    if let Some((mesh, albedo)) = &placed.ground {
-        let ground = out.add(viewer_mesh(mesh), barked("ground", *albedo));
-        let floor = !placed.free
+    out.instances.extend(world.standing_solids().map(|i| at(i, carried[i.surface - world.leaves])));
+    if let Some(ground) = ground.and(out.instances.last_mut()) {
+        ground.floor = !placed.free
             && out.sun.is_some_and(|s| s.direction.z > 0.0)
             && manifest.ground.as_ref().is_some_and(|g| g.hill.is_none())
             && below_all(placed);
-        out.instances.push(viewer::Instance { floor, ..ground });
     }
     plants(placed, manifest.wind.as_ref().is_some_and(|w| w.simplified), barks, &mut out);
     for lawn in &placed.grass {
@@ -111,8 +112,8 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     }
     if let Some(found) = &scene.transfer {
         transfer::arriving(found, &levels::eyes(manifest, placed), &mut out);
-        if let Some(direction) = sun_direction(manifest) {
-            transfer::shade(found, direction, &mut out)?;
+        if let Some(sun) = &world.lights.sun {
+            transfer::shade(found, sun.direction, &mut out)?;
         }
     }
     Ok(out)
@@ -176,56 +177,62 @@ fn below_all(placed: &PlacedScene) -> bool {
     placed.wood.iter().all(stands) && placed.placements.iter().filter_map(leaf).all(|b| b)
 }
 
-/// Wood: diffuse bark that transmits nothing.
-fn barked(name: &str, bark: [f64; 3]) -> viewer::Material {
-    viewer::Material::Opaque(viewer::OpaqueMaterial { name: name.into(), albedo: bark.map(|v| v as f32) })
+fn material(manifest: &SceneManifest, surface: &WorldSurface, ledger: &Ledger) -> Result<viewer::Material> {
+    Ok(match surface.material {
+        WorldMaterial::Fitted(leaf, fit) => viewer::Material::Leaf(leaf_maps::fitted(manifest, leaf, fit, ledger)?),
+        WorldMaterial::Stated(leaf, stated) => viewer::Material::Leaf(leaf_maps::uniform(leaf, stated)),
+        WorldMaterial::Opaque { name, albedo } => {
+            viewer::Material::Opaque(viewer::OpaqueMaterial { name: name.into(), albedo: rgb(&albedo) })
+        }
+    })
 }
 
-/// Sun, sky, exposure, and the sampling of shadows and edges.
-fn lights(LoadedScene { manifest, plan, .. }: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
-    let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
+/// A colour in the renderer's precision.
+fn rgb(c: &[f64; 3]) -> [f32; 3] {
+    c.map(|v| v as f32)
+}
+
+/// Refuses what only the path tracer draws.
+fn refuse(manifest: &SceneManifest) -> Result<()> {
     let beyond = [
         ("periodic", "scenes that repeat", manifest.periodic.is_some()),
         ("leaf.discs", "discs", manifest.leaves.iter().any(|l| l.discs.is_some())),
     ];
-    if let Some((field, what, _)) = beyond.iter().find(|b| b.2) {
-        let told = format!("the real-time renderer draws no {what}; `mesophyll render` does");
-        return Err(Error::field(&manifest.path, field, told));
-    }
-    let daylight = Daylight::of(manifest)?;
-    let own = daylight.as_ref().map(|d| d.sun);
-    let dome = match &daylight {
-        Some(d) => {
+    let Some((field, what, _)) = beyond.iter().find(|b| b.2) else { return Ok(()) };
+    let told = format!("the real-time renderer draws no {what}; `mesophyll render` does");
+    Err(Error::field(&manifest.path, field, told))
+}
+
+/// Sun, sky, exposure, and the sampling of shadows and edges.
+fn lit(
+    LoadedScene { manifest, plan, .. }: &LoadedScene,
+    lights: &WorldLights,
+    ledger: &Ledger,
+) -> Result<viewer::Scene> {
+    let bands = plan.light.sky_bands;
+    let (sky, dome) = match &lights.sky {
+        WorldSky::Dark => (None, None),
+        WorldSky::Even(radiance) => (Some(rgb(radiance)), None),
+        WorldSky::Physical(daylight) => {
             let polynomials = daylight::polynomials(manifest, plan.light.sun_moves, ledger)?;
-            Some(dome(d, plan.light.sky_bands, polynomials)?)
+            (None, Some(dome(daylight, bands, polynomials)?))
         }
-        None => manifest.pictured().map(|p| pictured(&p.rest, plan.light.sky_bands, sun_direction(manifest))),
+        WorldSky::Picture(p) => (None, Some(pictured(&p.rest, bands, lights.sun.map(|sun| sun.direction)))),
     };
     Ok(viewer::Scene {
-        meshes: Vec::new(),
-        materials: Vec::new(),
-        instances: Vec::new(),
-        sun: manifest.sun.as_ref().zip(sun_direction(manifest)).map(|(sun, direction)| viewer::Sun {
-            direction: direction.as_vec3(),
-            irradiance: rgb(&sun.irradiance.or(own).unwrap_or_default()),
-            radius: sun.radius_deg.to_radians() as f32,
+        sun: lights.sun.map(|sun| viewer::Sun {
+            direction: sun.direction.as_vec3(),
+            irradiance: rgb(&sun.irradiance),
+            radius: sun.radius as f32,
         }),
-        sky: manifest.even_sky().map(|c| rgb(&c)),
+        sky,
         dome,
-        scanner: None,
         background: rgb(&manifest.background),
-        backdrop: None,
         exposure: manifest.exposure as f32,
-        in_full: false,
-        bloom: None,
         shadow_samples: plan.light.shadow_samples,
         shadow_resolution: plan.light.shadow_resolution,
         msaa: plan.light.msaa,
-        wind: None,
-        sections: None,
-        transfer: None,
-        sun_shares: None,
-        grass: Vec::new(),
+        ..viewer::Scene::default()
     })
 }
 
@@ -293,10 +300,10 @@ fn single(of: &HarmonicCoefficients) -> Vec<[f32; 3]> {
     of.values().iter().map(|c| c.map(|v| v as f32)).collect()
 }
 
-/// The camera of a view.
-pub fn camera(camera: &ViewCamera) -> viewer::Camera {
-    let [eye, target, up] = [camera.eye_mm, camera.target_mm, camera.up].map(|v| Vec3::from(v.map(|x| x as f32)));
-    viewer::Camera { eye, target, up, fov_y_deg: camera.fov_deg as f32 }
+/// A camera in the renderer's precision.
+pub fn camera(camera: &ReferenceCamera) -> viewer::Camera {
+    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| v.as_vec3());
+    viewer::Camera { eye, target, up, fov_y_deg: camera.fov_y_deg as f32 }
 }
 
 /// A mesh in the renderer's precision.
@@ -305,7 +312,7 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
         positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
         normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
         tangents: mesh.tangents.iter().map(|(t, w)| Vec4::from((t.as_vec3(), *w as f32))).collect(),
-        uvs: mesh.uvs.iter().map(|t| Vec2::new(t.x as f32, t.y as f32)).collect(),
+        uvs: mesh.uvs.iter().map(|t| t.as_vec2()).collect(),
         indices: mesh.indices.clone(),
         ..viewer::Mesh::default()
     }
@@ -317,7 +324,8 @@ pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
 /// [`Error::Input`] for a physical sky that the model refuses.
 pub fn card(scene: &LoadedScene, card: &LeafCard, ledger: &Ledger) -> Result<viewer::Scene> {
     let manifest = &scene.manifest;
-    let mut out = lights(scene, ledger)?;
+    refuse(manifest)?;
+    let mut out = lit(scene, &WorldLights::of(manifest)?, ledger)?;
     (out.shadow_samples, out.msaa) = (0, 1);
     let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
     let side = |side: Side| match card.sides[side as usize].as_ref().filter(|_| card.planned[side as usize]) {

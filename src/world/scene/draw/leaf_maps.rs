@@ -5,34 +5,29 @@
 use crate::loaded::LoadedLeaf;
 use crate::loaded::map_levels::halve;
 use crate::loaded::translucency::TranslucencyQuantity;
-use crate::manifest::{InteriorSource, SceneManifest};
+use crate::manifest::{InteriorSource, SceneManifest, UniformLeaf};
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_files::quantity::Quantity;
-use mesophyll_fits::leaf_folder::{LeafFitFile, filling};
+use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_viewer::scene as viewer;
 use mesophyll_web::bundle::slab_curve;
 use rayon::prelude::*;
 
-/// A leaf in the renderer's form: maps of the sides that the plan needs, at the planned size.
+/// A fitted leaf in the renderer's form: maps of the sides that the plan needs, at the planned size.
 ///
 /// # Errors
-/// [`Error::Input`] where the leaf is not fitted, or a map is missing or damaged.
-pub fn leaf(manifest: &SceneManifest, leaf: LoadedLeaf, ledger: &Ledger) -> Result<viewer::LeafMaterial> {
+/// [`Error::Input`] where a map is missing or damaged.
+pub fn fitted(
+    manifest: &SceneManifest,
+    leaf: LoadedLeaf,
+    fitted: &LeafFit,
+    ledger: &Ledger,
+) -> Result<viewer::LeafMaterial> {
     let config = leaf.config;
-    if let Some(stated) = &config.uniform {
-        return Ok(uniform(config, stated, &leaf));
-    }
-    let Some(fitted) = &leaf.placed.fitted else {
-        return Err(Error::field(
-            &manifest.path,
-            &format!("leaf \"{}\"", config.name),
-            "its maps are not made yet; `mesophyll run` makes them",
-        ));
-    };
     // A leaf has one thickness. The δ of a side that was fitted with another h contains the difference.
     let h = fitted.thickness(fitted.lead())?;
     let mut sides = viewer::Sides::of(|_| viewer::SideMaps::black());
@@ -75,11 +70,8 @@ pub fn leaf(manifest: &SceneManifest, leaf: LoadedLeaf, ledger: &Ledger) -> Resu
 }
 
 /// A leaf that is the same everywhere, with the sides that the plan needs.
-fn uniform(
-    config: &crate::manifest::StatedLeaf,
-    stated: &crate::manifest::UniformLeaf,
-    leaf: &LoadedLeaf,
-) -> viewer::LeafMaterial {
+pub fn uniform(leaf: LoadedLeaf, stated: &UniformLeaf) -> viewer::LeafMaterial {
+    let config = leaf.config;
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     let side = |side: Side| {
         let needs = leaf.plan.sides[side as usize];

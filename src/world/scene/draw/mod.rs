@@ -1,5 +1,7 @@
 //! The data of a planned scene that both renderers draw.
 
+#[cfg(all(test, feature = "render"))]
+mod both_tests;
 pub mod card;
 pub mod detail;
 pub mod flat_blade;

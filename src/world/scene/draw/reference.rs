@@ -3,24 +3,24 @@
 //! (Chebyshev in the thickness). Nothing that the plan leaves out is left out here: gloss, normals, translucency and
 //! both sides are drawn wherever the fit has them.
 
-use super::sunlight::{relight, relight_everywhere};
+use super::sunlight::relight;
 use super::{grass, soil};
+use crate::Result;
 use crate::loaded::{LoadedLeaf, LoadedScene};
-use crate::manifest::{InteriorSource, SceneManifest, ViewCamera};
+use crate::manifest::{InteriorSource, SceneManifest, SunLight};
 use crate::placed::PlacedScene;
-use crate::placed::daylight::{Daylight, sun_direction};
+use crate::placed::daylight::{Daylight, sun_disk};
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
-use crate::{Error, Result};
-use glam::{DMat4, DVec3, DVec4};
-use mesophyll_files::mesh::LeafMesh;
+use crate::world::{SceneWorld, WorldInstance, WorldLights, WorldMaterial, WorldSky, WorldSurface};
+use glam::DVec3;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
 use mesophyll_optics::slab::chebyshev::SlabInterpolant;
+use mesophyll_transport as transport;
 use mesophyll_transport::environment::Environment;
-use mesophyll_transport::{self as transport, lobe, world};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -28,57 +28,46 @@ use std::sync::Arc;
 /// Everything the perspective views show.
 ///
 /// # Errors
-/// [`Error::Input`] for a map that is missing, damaged or of another size.
+/// [`crate::Error::Input`] for a map that is missing, damaged or of another size.
 pub fn world(scene: &LoadedScene, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = standing(scene, ledger)?;
     stand_at(&mut out, scene, scene.manifest.rest_time());
-    relight(&mut out, scene, &scene.placed.eyes)?;
+    relight(&mut out, scene, Some(&scene.placed.eyes))?;
     Ok(out)
 }
 
 /// The scene at rest, without sunlight through its leaves.
 fn standing(scene: &LoadedScene, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
-    let LoadedScene { manifest, placed, .. } = scene;
-    let mut out = lights(manifest)?;
-    let mut index = vec![None; placed.leaves.len()];
-    for leaf in scene.drawn() {
-        index[leaf.placed.index] = Some(out.leaves.len());
-        out.leaves.push(one_leaf(manifest, leaf, ledger)?);
+    let world = SceneWorld::new(scene)?;
+    let mut out = lit(&scene.manifest, &world.lights);
+    let one = |surface: &WorldSurface| surface_of(surface, ledger);
+    out.leaves = world.surfaces[..world.leaves].iter().map(one).collect::<Result<_>>()?;
+    let at = |k: WorldInstance| transport::ReferencePlacement { leaf: k.surface, transform: k.transform };
+    out.instances = world.standing_leaves().map(at).collect();
+    scene.placed.grass.iter().try_for_each(|grass| grass::blades(&scene.manifest, grass, &mut out))?;
+    // The blades of lawns are numbered before wood and ground.
+    let blades = out.leaves.len() - world.leaves;
+    out.instances.extend(world.standing_solids().map(|k| at(WorldInstance { surface: k.surface + blades, ..k })));
+    for surface in &world.surfaces[world.leaves..] {
+        out.leaves.push(one(surface)?);
     }
-    for p in &placed.placements {
-        if let Some(leaf) = index[p.leaf] {
-            out.instances.push(transport::ReferencePlacement { leaf, transform: p.transform });
-        }
-    }
-    placed.grass.iter().try_for_each(|grass| grass::blades(manifest, grass, &mut out))?;
-    for wood in &placed.wood {
-        let leaf = out.leaves.len();
-        out.instances
-            .extend(wood.places.iter().map(|transform| transport::ReferencePlacement { leaf, transform: *transform }));
-        out.leaves.push(barked(wood.bark, &wood.mesh));
-    }
-    if let Some((ground, albedo)) = &placed.ground {
-        out.ground = Some(out.instances.len());
-        out.instances.push(transport::ReferencePlacement { leaf: out.leaves.len(), transform: DMat4::IDENTITY });
-        out.leaves.push(barked(*albedo, ground));
-    }
+    out.ground = world.ground().map(|_| out.instances.len() - 1);
     Ok(out)
 }
 
-/// Wood: diffuse bark that transmits nothing.
-fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
-    let mut front = black(1);
-    if let transport::ReferenceInterior::Maps { rho_d, .. } = &mut front.interior {
-        *rho_d = bark.map(|v| vec![v as f32]);
-    }
-    transport::ReferenceLeaf {
-        mesh: mesh(rest),
-        width: 1,
-        height: 1,
-        front,
-        back: black(1),
-        mask: None,
-        lobe: lobe::Lobe::Beckmann,
+/// A surface with everything that its fit has. Parts that the plan leaves out are drawn here too, so that the picture
+/// is compared with the leaf and not with the plan.
+fn surface_of(surface: &WorldSurface, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
+    let mesh = transport::ReferenceMesh::from(surface.mesh);
+    match surface.material {
+        WorldMaterial::Fitted(leaf, fit) => one_leaf(mesh, leaf, fit, ledger),
+        WorldMaterial::Stated(leaf, stated) => {
+            let gloss = || stated.gloss().map(|rho_s| transport::ReferenceGloss::even(rho_s, stated.m));
+            let sides = stated.rho_d.map(|rho_d| transport::ReferenceSide::even(rho_d, stated.rho_t, gloss()));
+            let mesh = transport::ReferenceMesh { discs: leaf.config.discs.is_some(), ..mesh };
+            Ok(transport::ReferenceLeaf::even(mesh, sides, leaf.config.lobe()))
+        }
+        WorldMaterial::Opaque { albedo, .. } => Ok(transport::ReferenceLeaf::opaque(mesh, albedo)),
     }
 }
 
@@ -89,7 +78,7 @@ fn barked(bark: [f64; 3], rest: &LeafMesh) -> transport::ReferenceLeaf {
 /// As [`world`].
 pub fn traced(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = still(scene, time, ledger)?;
-    relight_everywhere(&mut out, scene)?;
+    relight(&mut out, scene, None)?;
     Ok(out)
 }
 
@@ -99,11 +88,13 @@ pub fn traced(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transpo
 /// As [`world`].
 pub fn still(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transport::ReferenceWorld> {
     let mut out = unlit(scene, time, ledger)?;
-    out.foliar = scene.drawn().map(|leaf| leaf.config.layers.clone()).collect();
+    out.foliar = scene.drawn().map(|leaf| leaf.config.layers().cloned()).collect();
     out.periodic = scene.manifest.periodic.as_ref().map(|p| p.size_mm);
     if let Some(picture) = scene.manifest.pictured() {
         (out.dome, out.environment) = (None, Some(picture.whole.clone()));
-        out.sun = out.sun.filter(|_| !scene.manifest.sun.as_ref().is_some_and(|sun| sun.in_picture));
+        out.sun = out
+            .sun
+            .filter(|_| !scene.manifest.sun.as_ref().is_some_and(|sun| matches!(sun.light, SunLight::Picture(_))));
     }
     Ok(out)
 }
@@ -112,10 +103,10 @@ pub fn still(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transpor
 /// a coarse picture and a sun.
 ///
 /// # Errors
-/// [`Error::Input`] for a physical sky that the model refuses.
+/// [`crate::Error::Input`] for a physical sky that the model refuses.
 pub fn part_sun(world: &mut transport::ReferenceWorld, manifest: &SceneManifest) -> Result<()> {
     if let Some(picture) = manifest.pictured() {
-        (world.environment, world.sun) = (Some(picture.rest.clone()), sun(manifest)?);
+        (world.environment, world.sun) = (Some(picture.rest.clone()), sun_disk(manifest)?);
     }
     Ok(())
 }
@@ -144,13 +135,13 @@ pub fn unlit(scene: &LoadedScene, time: f64, ledger: &Ledger) -> Result<transpor
 /// Moves the plants of a world that [`world`] made to a time (s).
 ///
 /// # Errors
-/// [`Error::Input`] for a leaf whose inside cannot be read.
+/// [`crate::Error::Input`] for a leaf whose inside cannot be read.
 pub fn move_to(world: &mut transport::ReferenceWorld, scene: &LoadedScene, time: f64) -> Result<()> {
     if !scene.placed.moves().any() {
         return Ok(());
     }
     stand_at(world, scene, time);
-    relight(world, scene, &scene.placed.eyes)
+    relight(world, scene, Some(&scene.placed.eyes))
 }
 
 /// The same, without sunlight through the leaves.
@@ -176,7 +167,7 @@ pub fn move_wood(world: &mut transport::ReferenceWorld, placed: &PlacedScene, ti
     if let Some(winds) = &placed.winds {
         let sections = winds.sections(time);
         for (k, moved) in placed.wood.iter().enumerate().filter_map(|(k, wood)| Some((k, wood.moved(&sections)?))) {
-            world.leaves[first + k].mesh = mesh(&moved);
+            world.leaves[first + k].mesh = (&moved).into();
         }
     }
 }
@@ -184,17 +175,20 @@ pub fn move_wood(world: &mut transport::ReferenceWorld, placed: &PlacedScene, ti
 /// A world without leaves.
 ///
 /// # Errors
-/// [`Error::Input`] for a physical sky that the model refuses.
+/// [`crate::Error::Input`] for a physical sky that the model refuses.
 pub fn lights(manifest: &SceneManifest) -> Result<transport::ReferenceWorld> {
-    let daylight = Daylight::of(manifest)?.map(|d| dome(manifest, d, 1.0));
-    Ok(transport::ReferenceWorld {
-        sun: sun(manifest)?,
-        sky: manifest.even_sky(),
-        dome: daylight.or_else(|| manifest.pictured().map(|p| pictured(&p.rest, 1.0))),
-        background: manifest.background,
-        exposure: manifest.exposure,
-        ..transport::ReferenceWorld::default()
-    })
+    Ok(lit(manifest, &WorldLights::of(manifest)?))
+}
+
+fn lit(manifest: &SceneManifest, lights: &WorldLights) -> transport::ReferenceWorld {
+    let (sky, dome) = match &lights.sky {
+        WorldSky::Dark => (None, None),
+        WorldSky::Even(radiance) => (Some(*radiance), None),
+        WorldSky::Physical(daylight) => (None, Some(dome(manifest, (**daylight).clone(), 1.0))),
+        WorldSky::Picture(picture) => (None, Some(pictured(&picture.rest, 1.0))),
+    };
+    let (sun, background, exposure) = (lights.sun, manifest.background, manifest.exposure);
+    transport::ReferenceWorld { sun, sky, dome, background, exposure, ..transport::ReferenceWorld::default() }
 }
 
 /// The sky itself, multiplied by `strength`, with the background below its horizon where there is no ground. The
@@ -230,96 +224,25 @@ pub fn pictured(map: &Arc<Environment>, strength: f64) -> transport::ReferenceDo
     }
 }
 
-/// The sun in the reference renderer's form; `None` where the scene has none.
-pub fn sun(manifest: &SceneManifest) -> Result<Option<transport::ReferenceSun>> {
-    let (Some(direction), Some(sun)) = (sun_direction(manifest), &manifest.sun) else { return Ok(None) };
-    let own = Daylight::of(manifest)?.map(|d| d.sun);
-    let irradiance = sun.irradiance.or(own).unwrap_or_default();
-    Ok(Some(transport::ReferenceSun { direction, irradiance, radius: sun.radius_deg.to_radians() }))
-}
-
-/// The camera of a view.
-pub fn camera(camera: &ViewCamera) -> transport::ReferenceCamera {
-    transport::ReferenceCamera {
-        eye: DVec3::from(camera.eye_mm),
-        target: DVec3::from(camera.target_mm),
-        up: DVec3::from(camera.up),
-        fov_y_deg: camera.fov_deg,
-    }
-}
-
-/// A mesh in the reference renderer's form.
-pub fn mesh(mesh: &LeafMesh) -> transport::ReferenceMesh {
-    transport::ReferenceMesh {
-        positions: mesh.positions.clone(),
-        normals: mesh.normals.clone(),
-        tangents: mesh.tangents.iter().map(|(t, w)| DVec4::from((*t, *w))).collect(),
-        uvs: mesh.uvs.clone(),
-        indices: mesh.indices.clone(),
-        discs: false,
-    }
-}
-
-/// A side that the fit does not have, or a side of wood.
-pub fn black(texels: usize) -> transport::ReferenceSide {
-    let none = || [vec![0.0; texels], vec![0.0; texels], vec![0.0; texels]];
-    transport::ReferenceSide {
-        interior: transport::ReferenceInterior::Maps { rho_d: none(), rho_t: none() },
-        gloss: None,
-        normal: None,
-    }
-}
-
-/// A leaf with everything that its fit has. Parts that the plan leaves out are drawn here too, so that the picture is
-/// compared with the leaf and not with the plan.
-fn one_leaf(manifest: &SceneManifest, leaf: LoadedLeaf, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
+fn one_leaf(
+    mesh: transport::ReferenceMesh,
+    leaf: LoadedLeaf,
+    fit: &LeafFit,
+    ledger: &Ledger,
+) -> Result<transport::ReferenceLeaf> {
     let config = leaf.config;
-    if let (Some(blade), Some(stated)) = (&leaf.placed.mesh, &config.uniform) {
-        return Ok(uniform(config, stated, blade));
-    }
-    let (Some(blade), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else {
-        return Err(Error::field(
-            &manifest.path,
-            &format!("leaf \"{}\"", config.name),
-            "its maps are not made yet; `mesophyll run` makes them",
-        ));
-    };
-    let mut size = leaf.plan.size;
+    let [mut width, mut height] = leaf.plan.size;
     let (mut sides, mut mask) = ([None, None], None);
-    for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
-        let read = one_side(leaf.placed.interior(config), fitted, side, ledger)?;
-        size = reader::same_size(fitted, side, size, read.size)?;
+    for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fit.has(*side)) {
+        let read = one_side(leaf.placed.interior(config), fit, side, ledger)?;
+        [width, height] = reader::same_size(fit, side, [width, height], read.size)?;
         if config.mesh.is_some() && s == 0 {
             mask = Some(read.on_leaf);
         }
         sides[s] = Some(read.side);
     }
-    let [front, back] = sides.map(|s| s.unwrap_or_else(|| black(size[0] * size[1])));
-    Ok(transport::ReferenceLeaf {
-        mesh: mesh(blade),
-        width: size[0],
-        height: size[1],
-        front,
-        back,
-        mask,
-        lobe: config.lobe(),
-    })
-}
-
-/// A leaf that is the same everywhere.
-fn uniform(
-    config: &crate::manifest::StatedLeaf,
-    stated: &crate::manifest::UniformLeaf,
-    blade: &LeafMesh,
-) -> transport::ReferenceLeaf {
-    let maps = |c: &[f64; 3]| c.map(|v| vec![v as f32]);
-    let [front, back] = stated.rho_d.each_ref().map(|rho_d| transport::ReferenceSide {
-        interior: transport::ReferenceInterior::Maps { rho_d: maps(rho_d), rho_t: maps(&stated.rho_t) },
-        gloss: stated.gloss().map(|rho_s| transport::ReferenceGloss { rho_s: maps(&rho_s), m: vec![stated.m as f32] }),
-        normal: None,
-    });
-    let mesh = transport::ReferenceMesh { discs: config.discs.is_some(), ..mesh(blade) };
-    transport::ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe: config.lobe() }
+    let [front, back] = sides.map(|s| s.unwrap_or_else(|| transport::ReferenceSide::black(width * height)));
+    Ok(transport::ReferenceLeaf { mesh, width, height, front, back, mask, lobe: config.lobe() })
 }
 
 /// One side, as its maps describe it.
@@ -381,5 +304,5 @@ fn solved(thickness: &[f32], sigma: &[Vec<f32>]) -> transport::ReferenceInterior
         })
         .collect();
     let plane = |c: usize| texels.iter().map(|t| t[c]).collect::<Vec<f32>>();
-    world::ReferenceInterior::Maps { rho_d: [plane(0), plane(1), plane(2)], rho_t: [plane(3), plane(4), plane(5)] }
+    transport::ReferenceInterior::Maps { rho_d: [plane(0), plane(1), plane(2)], rho_t: [plane(3), plane(4), plane(5)] }
 }

@@ -5,7 +5,7 @@
 //! The renderer uses W's packed textures and a slab curve. The reference uses the float maps and its own interpolation,
 //! as in every other view.
 
-use super::{handover, reference};
+use super::handover;
 use crate::loaded::curve::curve;
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
@@ -146,11 +146,11 @@ impl<'a> ScanSide<'a> {
             normal: Some(transport::NormalMap { frame: transport::NormalFrame::Blade, values }),
         };
         let leaf = transport::ReferenceLeaf {
-            mesh: reference::mesh(&self.mesh()),
+            mesh: (&self.mesh()).into(),
             width: self.width,
             height: self.height,
             front,
-            back: reference::black(n),
+            back: transport::ReferenceSide::black(n),
             mask: None,
             lobe: self.scan.lobe(),
         };

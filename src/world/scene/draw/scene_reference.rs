@@ -1,7 +1,6 @@
 //! The reference that a picture is compared with: the direct-light reference, or the path tracer where the scene has
 //! light between leaves.
 
-use super::reference;
 use crate::Result;
 use crate::loaded::LoadedScene;
 use crate::manifest::PerspectiveView;
@@ -60,7 +59,7 @@ impl<'a> SceneReference<'a> {
     /// # Errors
     /// As [`SceneReference::draw`].
     pub fn view(&self, scene: &LoadedScene, view: &PerspectiveView, seed: u64) -> Result<transport::ReferencePicture> {
-        self.draw(&reference::camera(&view.camera), &view.name, ReferenceSampling::of(scene, seed))
+        self.draw(&view.camera, &view.name, ReferenceSampling::of(scene, seed))
     }
 
     /// The picture of a camera. `what` names it in the progress bar.

@@ -4,7 +4,6 @@
 //! 1985, "An image synthesizer") and of flat ellipses that represent old leaves and stones. The mean of each channel is
 //! the ground's albedo, so that on average the ground returns the same light as an even one.
 
-use super::reference::{black, mesh};
 use crate::manifest::{GRAINS_A_TILE, SceneGround};
 use glam::{DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
@@ -28,16 +27,16 @@ const TINT: [f64; 3] = [1.15, 1.0, 0.8];
 /// `repeated` in a periodic scene has whole tiles, which are stretched slightly to fit.
 pub fn leaf(ground: &SceneGround, size: [f64; 2], repeated: bool) -> Option<transport::ReferenceLeaf> {
     let grain = ground.grain_mm?;
-    let mut front = black(TEXELS * TEXELS);
+    let mut front = transport::ReferenceSide::black(TEXELS * TEXELS);
     if let transport::ReferenceInterior::Maps { rho_d, .. } = &mut front.interior {
         *rho_d = albedo(ground.albedo, ground.contrast(), TEXELS);
     }
     Some(transport::ReferenceLeaf {
-        mesh: mesh(&tiles(size, grain * GRAINS_A_TILE, ground.height_mm, repeated)),
+        mesh: (&tiles(size, grain * GRAINS_A_TILE, ground.height_mm, repeated)).into(),
         width: TEXELS,
         height: TEXELS,
         front,
-        back: black(TEXELS * TEXELS),
+        back: transport::ReferenceSide::black(TEXELS * TEXELS),
         mask: None,
         lobe: lobe::Lobe::Beckmann,
     })

@@ -11,20 +11,13 @@ use mesophyll_transport::{ReferenceWorld, SunTransmission, SunlitMaps};
 use rayon::prelude::*;
 
 /// Computes the transmitted sunlight for every instance of `world`, which [`super::reference::world`] made, for the
-/// present sun and the present places. Instances that show none of `eyes` any light from behind are left unchanged.
+/// present sun and the present places. Instances that show none of `eyes` any light from behind are left unchanged;
+/// without eyes, all are lit.
 ///
 /// # Errors
 /// [`Error::Input`] for a leaf whose maps cannot be read.
-pub fn relight(world: &mut ReferenceWorld, scene: &LoadedScene, eyes: &[DVec3]) -> Result<()> {
-    light(world, scene, Some(eyes), false, |_, _| true)
-}
-
-/// As [`relight`], wherever sunlight passes through, whether it is seen or not.
-///
-/// # Errors
-/// As [`relight`].
-pub fn relight_everywhere(world: &mut ReferenceWorld, scene: &LoadedScene) -> Result<()> {
-    light(world, scene, None, false, |_, _| true)
+pub fn relight(world: &mut ReferenceWorld, scene: &LoadedScene, eyes: Option<&[DVec3]>) -> Result<()> {
+    relight_where(world, scene, eyes, |_, _| true)
 }
 
 /// As [`relight`], but only for those leaves' sides for which `has(leaf, side)` says that they still have their maps.

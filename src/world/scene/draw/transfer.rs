@@ -120,14 +120,15 @@ pub fn mesh(mesh: &ReferenceMesh) -> viewer::Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::manifest::ViewCamera;
+    use mesophyll_transport::ReferenceCamera;
     use mesophyll_viewer::picking;
 
     /// No two neighbouring pixels are nearer to each other than stated. The smallest step at the corner is along the
     /// direction away from the middle, and the stated one is not much smaller.
     #[test]
     fn no_pixel_of_a_picture_is_smaller_than_is_said() {
-        let view = ViewCamera { eye_mm: [1.0, -5.0, 2.0], target_mm: [0.0; 3], up: [0.0, 0.0, 1.0], fov_deg: 70.0 };
+        let (eye, target, up) = (DVec3::new(1.0, -5.0, 2.0), DVec3::ZERO, DVec3::Z);
+        let view = ReferenceCamera { eye, target, up, fov_y_deg: 70.0 };
         let camera = crate::draw::handover::camera(&view);
         for [width, height] in [[160, 90], [90, 160], [120, 120]] {
             let ray = |x: u32, y: u32| {

@@ -3,6 +3,7 @@
 //! picture with the picture from the fit shows the error of the fit.
 
 use crate::loaded::LoadedScene;
+use crate::manifest::FitOrigin;
 use crate::{Error, Result};
 use mesophyll_capture::truth_path;
 use mesophyll_files::image::{ChannelMaps, read_exr};
@@ -22,10 +23,10 @@ pub fn replace(world: &mut transport::ReferenceWorld, scene: &LoadedScene, out: 
     let mut names = Vec::new();
     for (k, leaf) in scene.drawn().enumerate() {
         let config = leaf.config;
-        let capture = match (&config.capture, &config.scan) {
-            (Some(capture), _) => manifest.resolve(capture),
-            (None, Some(_)) => out.join("captures").join(config.data_name()),
-            (None, None) => continue,
+        let capture = match config.fit() {
+            Some(FitOrigin { capture: Some(capture), .. }) => manifest.resolve(capture),
+            Some(FitOrigin { scan: Some(_), .. }) => out.join("captures").join(config.data_name()),
+            _ => continue,
         };
         let (Some(mesh), Some(drawn)) = (&leaf.placed.mesh, world.leaves.get_mut(k)) else { continue };
         let mut replaced = false;

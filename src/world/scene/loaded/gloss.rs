@@ -25,7 +25,7 @@ pub fn most(at: Stand, leaf: LoadedLeaf, s: usize, texels: &[[f32; 4]], fitted: 
         lights.suns.clear();
     }
     let views = manifest.perspectives();
-    let seen: Vec<(DVec3, f64)> = views.map(|v| (v.camera.eye_mm.into(), manifest.time_of(v))).collect();
+    let seen: Vec<(DVec3, f64)> = views.map(|v| (v.camera.eye, manifest.time_of(v))).collect();
     let eyes: Arc<[DVec3]> = seen.iter().map(|(eye, _)| *eye).collect();
     let own = placed.placements.iter().filter(|p| p.leaf == leaf.placed.index);
     let places: Vec<(DMat4, Arc<[DVec3]>)> = match placed.moves().plants() {
@@ -64,10 +64,9 @@ pub fn most(at: Stand, leaf: LoadedLeaf, s: usize, texels: &[[f32; 4]], fitted: 
 /// All lights of the scene's views and hours.
 fn lights(manifest: &SceneManifest) -> Result<LightBounds> {
     let mut out = LightBounds { exposure: manifest.exposure, ..LightBounds::default() };
-    let (irradiance, _) = daylight::levels(manifest);
-    if let (Some(direction), Some(sun)) = (daylight::sun_direction(manifest), &manifest.sun) {
-        out.radius = sun.radius_deg.to_radians();
-        out.suns.push((direction, irradiance));
+    if let Some(sun) = daylight::sun_disk(manifest)? {
+        out.radius = sun.radius;
+        out.suns.push((sun.direction, sun.irradiance));
     }
     if let Some(radiance) = manifest.even_sky() {
         (out.sky, out.even_sky) = (radiance, radiance);

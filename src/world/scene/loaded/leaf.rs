@@ -12,7 +12,6 @@ use crate::placed::{self as placed, daylight};
 use crate::plan::accuracy::AccuracyRow;
 use crate::plan::leaf::TEXEL_BYTES;
 use crate::plan::{LeafPlan, ScenePlan};
-use glam::DVec3;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling, packing};
@@ -160,9 +159,8 @@ fn resolution(at: Stand, leaf: &placed::leaf::PlacedLeaf, loaded: &LeafData, pla
         for view in manifest.perspectives() {
             let at = placed.at_time(p, manifest.time_of(view)).transform;
             let (scale, centre) = (at.x_axis.truncate().length(), at.transform_point3(centre));
-            let nearest = (DVec3::from(view.camera.eye_mm).distance(centre) - radius * scale).max(1e-3);
-            let pixel_mm =
-                2.0 * (view.camera.fov_deg.to_radians() / 2.0).tan() * nearest / f64::from(manifest.check.height);
+            let nearest = (view.camera.eye.distance(centre) - radius * scale).max(1e-3);
+            let pixel_mm = 2.0 * view.camera.half_height() * nearest / f64::from(manifest.check.height);
             footprint = footprint.min(pixel_mm / (texel_mm * scale));
         }
     }

@@ -1,7 +1,7 @@
 //! Leaves that are stated by the layered model of B1 (`docs/foliar.md`). The path tracer draws them. The real-time
 //! renderer shows a leaf with gloss in place of each ([`mesophyll_transport::foliar::MatteLeaf`]).
 
-use super::leaf::UniformLeaf;
+use super::leaf::{LeafOrigin, UniformLeaf};
 use crate::manifest::{Error, Result};
 use mesophyll_fits::foliar::pigments;
 use mesophyll_optics::foliar::pigments::LeafContents;
@@ -99,7 +99,7 @@ impl Default for StatedLayers {
 impl super::SceneManifest {
     /// Whether any leaf changes its colour with time.
     pub fn fades(&self) -> bool {
-        self.leaves.iter().any(|l| l.foliar.as_ref().is_some_and(|f| f.fades_to.is_some()))
+        self.leaves.iter().any(|l| l.layered().is_some_and(|l| l.stated.fades_to.is_some()))
     }
 
     /// Gives all leaves that fade their colour at a time (s).
@@ -116,8 +116,8 @@ impl super::SceneManifest {
     /// draw in their place. With `fading`, only leaves that fade are computed.
     pub(super) fn layer(&mut self, time_s: f64, fading: bool) -> Result<()> {
         for k in 0..self.leaves.len() {
-            let Some(mut stated) = self.leaves[k].foliar.clone() else { continue };
-            if fading && stated.fades_to.is_none() {
+            let Some(mut stated) = self.leaves[k].layered().map(|l| l.stated.clone()) else { continue };
+            if self.leaves[k].like.is_some() || fading && stated.fades_to.is_none() {
                 continue;
             }
             let fault =
@@ -143,9 +143,11 @@ impl super::SceneManifest {
             })?;
             let MatteLeaf { rho_d, rho_t, rho_s, m, index } = foliar.stand_in();
             let leaf = &mut self.leaves[k];
-            leaf.uniform = Some(UniformLeaf { rho_d, rho_t, rho_s: Some(rho_s), m });
             (leaf.lobe, leaf.index) = (LobeKind::CookTorrance, Some(index));
-            leaf.layers = Some(Arc::new(foliar));
+            if let LeafOrigin::Layered(layered) = &mut leaf.origin {
+                let stand_in = UniformLeaf { rho_d, rho_t, rho_s: Some(rho_s), m };
+                layered.made = Some((Arc::new(foliar), stand_in));
+            }
         }
         Ok(())
     }

@@ -1,6 +1,8 @@
 //! The leaves that a scene may show: where their data come from, and how they are drawn.
 
 use super::foliar::StatedLayers;
+use super::table::StatedTable;
+use crate::manifest::Result;
 use mesophyll_base::surface::basis::TranslucencyBasis;
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_fits::look::Look;
@@ -11,21 +13,16 @@ use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A leaf that the scene may show: a fit folder, and the source of the fit where it is missing or stale.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A leaf that the scene may show.
+#[derive(Debug, Clone, PartialEq)]
 pub struct StatedLeaf {
     /// The name by which instances refer to it.
     pub name: String,
     /// The name of another leaf. This leaf is drawn from the same data, and only the other leaf says where they come
     /// from.
     pub like: Option<String>,
-    /// A folder of `fit leaf`.
-    pub fit: Option<PathBuf>,
-    /// A folder with a scan, from which the fit is made.
-    pub capture: Option<PathBuf>,
-    /// A synthetic scan, which is made where there is no capture.
-    pub scan: Option<StatedScan>,
+    /// Where its look comes from.
+    pub origin: LeafOrigin,
     /// A glTF file with the mesh; the fit's own blade when absent.
     pub mesh: Option<PathBuf>,
     /// A material of the plant or meadow that `mesh` holds (or describes, for `mesophyll grow`). All its blades of this
@@ -40,25 +37,49 @@ pub struct StatedLeaf {
     /// file's plane of x and y.
     pub mesh_up: Option<UpAxis>,
     /// The source of its diffuse reflectance and transmittance.
-    #[serde(default)]
     pub interior: InteriorSource,
     /// The distribution of its gloss.
-    #[serde(default)]
     pub lobe: LobeKind,
     /// Index of refraction of a lobe with Fresnel reflectance.
     pub index: Option<f64>,
-    /// A reflection that is the same everywhere on the leaf, instead of a fit. It needs a mesh.
-    pub uniform: Option<UniformLeaf>,
-    /// Pictures of the leaf instead of a fit.
-    pub look: Option<Look>,
-    /// Layers of tissue instead of a fit. They need a mesh.
-    pub foliar: Option<StatedLayers>,
-    /// The optical model that is computed from those layers.
-    #[serde(skip)]
-    pub layers: Option<Arc<FoliarMaterial>>,
     /// How transmitted sunlight depends on the sun's direction. When absent, it follows from ρt and the mapped normal
     /// alone.
     pub translucency: Option<StatedTranslucency>,
+}
+
+/// Where the look of a leaf comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LeafOrigin {
+    /// From the leaf that it is like, whose origin takes this one's place once the scene is read.
+    Other,
+    /// From a fit.
+    Fitted(FitOrigin),
+    /// Pictures of the leaf instead of a fit.
+    Look(Look),
+    /// A reflection that is the same everywhere on the leaf, instead of a fit. It needs a mesh.
+    Uniform(UniformLeaf),
+    /// Layers of tissue instead of a fit. They need a mesh.
+    Layered(Box<LayeredOrigin>),
+}
+
+/// A fit folder, and the source of the fit where it is missing or stale.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitOrigin {
+    /// A folder of `fit leaf`.
+    pub fit: Option<PathBuf>,
+    /// A folder with a scan, from which the fit is made.
+    pub capture: Option<PathBuf>,
+    /// A synthetic scan, which is made where there is no capture.
+    pub scan: Option<StatedScan>,
+}
+
+/// A leaf of layers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayeredOrigin {
+    /// The layers as the scene states them.
+    pub stated: StatedLayers,
+    /// The optical model that is computed from them, and the leaf that other renderers draw in its place.
+    pub made: Option<(Arc<FoliarMaterial>, UniformLeaf)>,
 }
 
 impl StatedLeaf {
@@ -70,6 +91,84 @@ impl StatedLeaf {
     /// The name of its data in a run's folder.
     pub fn data_name(&self) -> &str {
         self.like.as_deref().unwrap_or(&self.name)
+    }
+
+    /// The fit that it is drawn from, and the source of the fit.
+    pub fn fit(&self) -> Option<&FitOrigin> {
+        if let LeafOrigin::Fitted(fit) = &self.origin { Some(fit) } else { None }
+    }
+
+    /// The pictures that state its look.
+    pub fn look(&self) -> Option<&Look> {
+        if let LeafOrigin::Look(look) = &self.origin { Some(look) } else { None }
+    }
+
+    /// Its reflection where that is the same everywhere: as stated, or that of the leaf which stands for its layers.
+    pub fn uniform(&self) -> Option<&UniformLeaf> {
+        match &self.origin {
+            LeafOrigin::Uniform(uniform) => Some(uniform),
+            LeafOrigin::Layered(layered) => layered.made.as_ref().map(|(_, uniform)| uniform),
+            _ => None,
+        }
+    }
+
+    /// Its layers.
+    pub fn layered(&self) -> Option<&LayeredOrigin> {
+        if let LeafOrigin::Layered(layered) = &self.origin { Some(layered) } else { None }
+    }
+
+    /// The optical model that is computed from its layers.
+    pub fn layers(&self) -> Option<&Arc<FoliarMaterial>> {
+        self.layered()?.made.as_ref().map(|(layers, _)| layers)
+    }
+
+    pub(super) fn read(mut t: StatedTable) -> Result<StatedLeaf> {
+        let (name, like) = (t.name()?, t.stated("like")?);
+        let (origin, what) = if like.is_some() {
+            (LeafOrigin::Other, "is like another one and has the data of that one")
+        } else if t.has("look") {
+            (LeafOrigin::Look(t.needed("look")?), "is stated by its look")
+        } else if t.has("uniform") {
+            (LeafOrigin::Uniform(t.needed("uniform")?), "is uniform and has no maps")
+        } else if t.has("foliar") {
+            let layered = LayeredOrigin { stated: t.needed("foliar")?, made: None };
+            let what = "is stated by its layers, which have indices and lobes of their own";
+            (LeafOrigin::Layered(Box::new(layered)), what)
+        } else {
+            let (fit, capture, scan) = (t.stated("fit")?, t.stated("capture")?, t.stated("scan")?);
+            if fit.is_none() && capture.is_none() && scan.is_none() {
+                let what = "missing; expected a fit folder, a capture, a scan, a look, uniform or foliar";
+                let meant = ["capture", "scan", "look", "uniform", "foliar", "like"];
+                return Err(t.missing(meant.into_iter().find(|key| t.near(key).is_some()).unwrap_or("fit"), what));
+            }
+            (LeafOrigin::Fitted(FitOrigin { fit, capture, scan }), "is drawn by the maps of a fit")
+        };
+        let maps = !matches!(origin, LeafOrigin::Uniform(_) | LeafOrigin::Layered(_));
+        let layered = matches!(origin, LeafOrigin::Layered(_));
+        let leaf = StatedLeaf {
+            mesh: t.stated("mesh")?,
+            part: t.stated("part")?,
+            mesh_unit: t.stated("mesh_unit")?,
+            mesh_up: t.stated("mesh_up")?,
+            discs: if maps && like.is_none() { None } else { t.stated("discs")? },
+            // What another kind of leaf has may be given where it says what is so anyway.
+            lobe: if layered { t.default_only("lobe") } else { t.stated("lobe") }?.unwrap_or_default(),
+            index: if layered { None } else { t.stated("index")? },
+            interior: match origin {
+                LeafOrigin::Other | LeafOrigin::Fitted(_) => t.stated("interior"),
+                _ => t.default_only("interior"),
+            }?
+            .unwrap_or_default(),
+            translucency: match origin {
+                LeafOrigin::Other | LeafOrigin::Fitted(_) => t.stated("translucency")?,
+                _ => None,
+            },
+            name,
+            like,
+            origin,
+        };
+        t.finish(&format!(", but leaf \"{}\" {what}", leaf.name))?;
+        Ok(leaf)
     }
 }
 

@@ -10,26 +10,61 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// The sun as a disk.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SceneSun {
     /// Angle from straight up. With more than 90 the sun shines from below.
     pub zenith_deg: f64,
     /// Azimuth, from +x towards +y.
-    #[serde(default)]
     pub azimuth_deg: f64,
-    /// Irradiance on a surface that faces the sun; under a physical sky, the model's own when absent.
-    pub irradiance: Option<[f64; 3]>,
+    /// Where its light comes from.
+    pub light: SunLight,
     /// Angular radius of the disk; the real sun's when absent.
-    #[serde(default = "sun_radius")]
     pub radius_deg: f64,
     /// Whether the sun will also stand elsewhere. Then the sky comes from the polynomial fit.
-    #[serde(default)]
     pub moves: bool,
-    /// Whether it was taken from the picture of the sky, which the path tracer draws as it is.
-    #[serde(skip)]
-    pub in_picture: bool,
 }
+
+/// The irradiance of a surface that faces the sun.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SunLight {
+    /// As the scene states it.
+    Stated([f64; 3]),
+    /// That of the model of a physical sky.
+    Sky,
+    /// Taken from the picture of the sky, which the path tracer draws as it is.
+    Picture([f64; 3]),
+}
+
+impl SceneSun {
+    /// Its irradiance, unless that is the model's own.
+    pub fn irradiance(&self) -> Option<[f64; 3]> {
+        match self.light {
+            SunLight::Stated(light) | SunLight::Picture(light) => Some(light),
+            SunLight::Sky => None,
+        }
+    }
+
+    /// Reads the sun that stands in `sky`.
+    pub(super) fn read(mut t: StatedTable, sky: Option<&SceneSky>) -> Result<SceneSun> {
+        let physical = matches!(sky, Some(SceneSky::Physical(_)));
+        let (zenith_deg, azimuth_deg) = (t.needed("zenith_deg")?, t.stated("azimuth_deg")?.unwrap_or_default());
+        let light = match t.stated("irradiance")? {
+            Some(irradiance) => SunLight::Stated(irradiance),
+            None if physical => SunLight::Sky,
+            None => {
+                let what = "missing; only a sun under a physical sky has its light from the model";
+                return Err(t.missing("irradiance", what));
+            }
+        };
+        let radius_deg = t.stated("radius_deg")?.unwrap_or(REAL_RADIUS);
+        let moves = t.stated("moves")?.unwrap_or_default();
+        t.finish(", which is no field of a sun")?;
+        Ok(SceneSun { zenith_deg, azimuth_deg, light, radius_deg, moves })
+    }
+}
+
+/// Angular radius of the real sun (degrees).
+const REAL_RADIUS: f64 = 0.2666;
 
 /// Where the sun of a sky that is a picture is to be found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -186,8 +221,4 @@ impl SceneDay {
             (-cos_d * sin_h, cos_l * sin_d - sin_l * cos_d * cos_h, sin_l * sin_d + cos_l * cos_d * cos_h);
         (up.clamp(-1.0, 1.0).acos(), north.atan2(east))
     }
-}
-
-fn sun_radius() -> f64 {
-    0.2666
 }

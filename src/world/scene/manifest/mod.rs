@@ -18,8 +18,13 @@ mod validate;
 mod view;
 
 pub use grass::StatedLawn;
-pub use leaf::{InteriorSource, StatedLeaf, StatedScan, StatedTranslucency, UniformLeaf, UpAxis};
-pub use light::{PhysicalSky, SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, StatedPanorama, SunLocation};
+pub use leaf::{
+    FitOrigin, InteriorSource, LayeredOrigin, LeafOrigin, StatedLeaf, StatedScan, StatedTranslucency, UniformLeaf,
+    UpAxis,
+};
+pub use light::{
+    PhysicalSky, SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, StatedPanorama, SunLight, SunLocation,
+};
 pub use mesophyll_base::surface::basis::TranslucencyBasis;
 pub use mesophyll_sky::SkyModel;
 pub use picture::PictureSky;
@@ -29,15 +34,16 @@ pub use plant::{
 };
 pub use unknowns::{StatedFactors, StatedPhotograph, StatedUnknowns};
 pub use view::{
-    CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewCamera,
-    ViewKind,
+    CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewKind,
 };
 
+use glam::DVec3;
 use mesophyll_base::error::Fault;
 pub(crate) use mesophyll_base::error::{Error, Result};
 use mesophyll_files::numbers;
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::whole_file;
+use mesophyll_transport::ReferenceCamera;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use table::StatedTable;
@@ -67,7 +73,7 @@ pub struct SceneManifest {
     #[serde(default)]
     pub background: [f64; 3],
     /// The leaves that instances may show.
-    #[serde(default, rename = "leaf")]
+    #[serde(rename = "leaf", default, deserialize_with = "read_apart")]
     pub leaves: Vec<StatedLeaf>,
     /// Leaves that stand alone.
     #[serde(default, rename = "instance")]
@@ -85,6 +91,7 @@ pub struct SceneManifest {
     /// The period, in a scene that repeats without end.
     pub periodic: Option<ScenePeriod>,
     /// The sun; without it there is no direct sunlight.
+    #[serde(default, deserialize_with = "read_apart")]
     pub sun: Option<SceneSun>,
     /// The sky; without it the sun is the only light.
     #[serde(default, deserialize_with = "read_apart")]
@@ -139,11 +146,14 @@ impl SceneManifest {
     pub fn parse(text: &str, path: &Path) -> Result<SceneManifest> {
         let wrong = |e: toml::de::Error| gone(path, text, Error::toml(path, text, &e));
         let mut root = DeTable::parse(text).map_err(wrong)?;
-        let views = StatedTable::all((path, text), root.get_mut(), "view")?;
-        let sky = StatedTable::one((path, text), root.get_mut(), "sky")?;
+        let [leaves, views] = ["leaf", "view"].map(|header| StatedTable::all((path, text), root.get_mut(), header));
+        let [sun, sky] = ["sun", "sky"].map(|header| StatedTable::one((path, text), root.get_mut(), header));
+        let (leaves, views, sun, sky) = (leaves?, views?, sun?, sky?);
         let mut manifest = SceneManifest::deserialize(toml::Deserializer::from(root)).map_err(wrong)?;
+        manifest.leaves = leaves.into_iter().map(StatedLeaf::read).collect::<Result<_>>()?;
         manifest.views = views.into_iter().map(SceneView::read).collect::<Result<_>>()?;
         manifest.sky = sky.map(SceneSky::read).transpose()?;
+        manifest.sun = sun.map(|sun| SceneSun::read(sun, manifest.sky.as_ref())).transpose()?;
         manifest.path = path.to_path_buf();
         validate::validate(&manifest, text)?;
         manifest.layer(0.0, false)?;
@@ -157,15 +167,13 @@ impl SceneManifest {
     fn share(&mut self) {
         for k in 0..self.leaves.len() {
             let Some(other) = self.leaves[k].like.as_ref().and_then(|n| self.leaf_index(n)) else { continue };
-            let StatedLeaf { fit, capture, scan, uniform, look, layers, mesh, part, discs, mesh_unit, mesh_up, .. } =
+            let StatedLeaf { origin, lobe, index, mesh, part, discs, mesh_unit, mesh_up, .. } =
                 self.leaves[other].clone();
-            let (lobe, index) = (self.leaves[other].lobe, self.leaves[other].index);
             let leaf = &mut self.leaves[k];
-            if layers.is_some() {
+            leaf.origin = origin;
+            if leaf.layers().is_some() {
                 (leaf.lobe, leaf.index) = (lobe, index);
             }
-            (leaf.fit, leaf.capture, leaf.scan, leaf.uniform) = (fit, capture, scan, uniform);
-            (leaf.look, leaf.layers) = (look, layers);
             if leaf.mesh.is_none() && leaf.discs.is_none() {
                 (leaf.mesh, leaf.discs, leaf.mesh_unit) = (mesh, discs, mesh_unit);
                 (leaf.part, leaf.mesh_up) = (part, mesh_up);
@@ -177,8 +185,8 @@ impl SceneManifest {
     /// but need no picture.
     pub fn look_from_above(&mut self) {
         if self.perspectives().next().is_none() {
-            let (eye_mm, target_mm, up, fov_deg) = ([0.0, 0.0, 1e6], [0.0; 3], [0.0, 1.0, 0.0], 30.0);
-            let camera = ViewCamera { eye_mm, target_mm, up, fov_deg };
+            let (eye, target, up) = (1e6 * DVec3::Z, DVec3::ZERO, DVec3::Y);
+            let camera = ReferenceCamera { eye, target, up, fov_y_deg: 30.0 };
             self.views.push(SceneView::Perspective(PerspectiveView::new("above", camera)));
         }
     }

@@ -3,7 +3,7 @@
 //! The path tracer takes the picture as it is. In real time the sky is a few harmonics, in which a disk of half a
 //! degree would be lost. So there the sun is taken out of the picture, and shines from its place as a disk of its own.
 
-use crate::manifest::{Error, Result, SceneManifest, SceneSky, SceneSun, SunLocation};
+use crate::manifest::{Error, Result, SceneManifest, SceneSky, SceneSun, SunLight, SunLocation};
 use glam::DVec3;
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::progress;
@@ -127,10 +127,9 @@ fn taken_out(map: &Environment) -> std::result::Result<(SceneSun, Environment), 
     let sun = SceneSun {
         zenith_deg: middle.truncate().length().atan2(middle.z).to_degrees(),
         azimuth_deg: middle.y.atan2(middle.x).to_degrees(),
-        irradiance: Some(irradiance),
+        light: SunLight::Picture(irradiance),
         radius_deg: radius.to_degrees().min(45.0),
         moves: false,
-        in_picture: true,
     };
     debug_assert_eq!(rest.len(), columns * rows);
     Ok((sun, map.with_texels(rest).map_err(|_| "the picture has no radiance around it")?))
@@ -176,14 +175,14 @@ mod tests {
             let wide = (radius * radius + 2.0 / 3.0 * pixel * pixel).sqrt();
             assert!((found.radius_deg.to_radians() / wide - 1.0).abs() < 0.15, "{columns}: {found:?} {wide}");
             for (c, want) in [6.0, 5.0, 4.0].into_iter().enumerate() {
-                let got = found.irradiance.unwrap()[c];
+                let got = found.irradiance().unwrap()[c];
                 assert!((got / want - 1.0).abs() < 0.02, "{columns}: {got} {want}");
             }
             assert!(rest.texels().2.iter().all(|t| t[0] < 0.2001 && t[2] < 0.5001));
             // A map that is turned has its sun turned.
             let (turned, _) = taken_out(&whole.placed(90.0, 2.0).unwrap()).unwrap();
             assert!(((turned.azimuth_deg - found.azimuth_deg).rem_euclid(360.0) - 90.0).abs() < 0.05);
-            assert!((turned.irradiance.unwrap()[0] / found.irradiance.unwrap()[0] - 2.0).abs() < 1e-5);
+            assert!((turned.irradiance().unwrap()[0] / found.irradiance().unwrap()[0] - 2.0).abs() < 1e-5);
         }
         let even = Environment::new(64, 32, vec![[1.0; 3]; 64 * 32]).unwrap();
         assert!(taken_out(&even).unwrap_err().contains("far brighter"));

@@ -92,9 +92,33 @@ impl<'a> StatedTable<'a> {
         })
     }
 
-    /// The error for a field that is missing.
+    /// A field that this kind does not have, but that may be given where it says what is so without it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where it holds something that no kind has.
+    pub fn default_only<T: Deserialize<'a> + Default + PartialEq>(&mut self, key: &'static str) -> Result<Option<T>> {
+        let kept = self.fields.get_key_value(key).map(|(key, value)| (key.clone(), value.clone()));
+        let found = self.stated(key)?.filter(|found| *found == T::default());
+        self.known.pop();
+        if let (None, Some((key, value))) = (&found, kept) {
+            self.fields.insert(key, value);
+        }
+        Ok(found)
+    }
+
+    /// The line and the name of a field that nobody asked for and that is spelt almost like this one.
+    pub fn near(&self, key: &str) -> Option<(usize, &str)> {
+        let near = |name: &str| changes(name, key) <= key.len() / 3 && !self.known.contains(&name);
+        let found = self.fields.keys().find(|name| near(name.get_ref()))?;
+        Some((found.span().start, found.get_ref()))
+    }
+
+    /// The error for a field that is missing, or for the one that was meant to be it.
     pub fn missing(&self, key: &str, what: &str) -> Error {
-        self.fault(self.start, key, what.into())
+        match self.near(key) {
+            Some((start, name)) => self.fault(start, name, format!("no field of {}; expected {key}", self.called)),
+            None => self.fault(self.start, key, what.into()),
+        }
     }
 
     /// Refuses what was not asked for. `why` says what the table is.

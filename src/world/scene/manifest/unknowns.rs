@@ -141,12 +141,12 @@ impl SceneManifest {
                 let what = format!("found a leaf that shares its numbers with \"{other}\" (like), expected one alone");
                 return bad(&field, what);
             }
-            if leaf.layers.is_some() {
+            if leaf.layers().is_some() {
                 let what =
                     "found a leaf of layers, expected one with `uniform`; `fit foliar` finds layers from spectra";
                 return bad(&field, what.into());
             }
-            if leaf.uniform.is_none() {
+            if leaf.uniform().is_none() {
                 let what =
                     "found a leaf with a fit of its own, expected one with `uniform`, which is the same everywhere";
                 return bad(&field, what.into());

@@ -2,8 +2,10 @@
 
 use super::table::StatedTable;
 use crate::manifest::Result;
+use glam::DVec3;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
+use mesophyll_transport::ReferenceCamera;
 use serde::{Deserialize, Serialize};
 
 /// What a view shows.
@@ -49,7 +51,7 @@ pub struct PerspectiveView {
     /// Name of the view, which its files carry.
     pub name: String,
     /// Where it is seen from.
-    pub camera: ViewCamera,
+    pub camera: ReferenceCamera,
     /// Time at which the scene is seen, instead of the wind's `time_s`.
     pub time_s: Option<f64>,
     /// Largest 99th percentile of FLIP against the reference.
@@ -71,7 +73,7 @@ pub struct CardView {
     /// Name of the view, which its files carry.
     pub name: String,
     /// Where it is seen from.
-    pub camera: ViewCamera,
+    pub camera: ReferenceCamera,
     /// The leaf.
     pub leaf: String,
     /// How the card is turned: angles about x, then y, then z.
@@ -99,19 +101,6 @@ pub struct CaptureView {
     pub max_error: Option<f64>,
 }
 
-/// Where a view is seen from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewCamera {
-    /// Place of the camera.
-    pub eye_mm: [f64; 3],
-    /// Place that it looks at.
-    pub target_mm: [f64; 3],
-    /// Direction that is up in the picture.
-    pub up: [f64; 3],
-    /// Field of view from the bottom of the picture to its top.
-    pub fov_deg: f64,
-}
-
 impl SceneView {
     /// Name of the view.
     pub fn name(&self) -> &str {
@@ -126,14 +115,14 @@ impl SceneView {
         let name = t.name()?;
         let (view, what) = match t.needed("kind")? {
             ViewKind::Perspective => {
-                let mut view = PerspectiveView::new(&name, ViewCamera::read(&mut t)?);
+                let mut view = PerspectiveView::new(&name, camera(&mut t)?);
                 (view.time_s, view.flip_p99) = (t.stated("time_s")?, t.stated("flip_p99")?);
                 (view.max_error, view.frame_ms) = (t.stated("max_error")?, t.stated("frame_ms")?);
                 (view.blocks, view.judged_by) = (t.stated("blocks")?, t.stated("judged_by")?.unwrap_or_default());
                 (SceneView::Perspective(view), "a perspective view, which shows the whole scene")
             }
             ViewKind::Card => {
-                let (leaf, camera) = (t.needed("leaf")?, ViewCamera::read(&mut t)?);
+                let (leaf, camera) = (t.needed("leaf")?, camera(&mut t)?);
                 let rotation_deg = t.stated("rotation_deg")?.unwrap_or_default();
                 let (max_error, frame_ms) = (t.stated("max_error")?, t.stated("frame_ms")?);
                 let view = CardView { name, camera, leaf, rotation_deg, max_error, frame_ms };
@@ -153,22 +142,22 @@ impl SceneView {
 
 impl PerspectiveView {
     /// A view without limits, at the wind's own time.
-    pub fn new(name: &str, camera: ViewCamera) -> PerspectiveView {
+    pub fn new(name: &str, camera: ReferenceCamera) -> PerspectiveView {
         let (time_s, flip_p99, max_error, frame_ms, blocks) = (None, None, None, None, None);
         let judged_by = TranslucencyReference::default();
         PerspectiveView { name: name.into(), camera, time_s, flip_p99, max_error, frame_ms, blocks, judged_by }
     }
 }
 
-impl ViewCamera {
-    fn read(t: &mut StatedTable) -> Result<ViewCamera> {
-        Ok(ViewCamera {
-            eye_mm: t.needed("eye_mm")?,
-            target_mm: t.needed("target_mm")?,
-            up: t.stated("up")?.unwrap_or([0.0, 0.0, 1.0]),
-            fov_deg: t.needed("fov_deg")?,
-        })
-    }
+/// Where a view is seen from.
+fn camera(t: &mut StatedTable) -> Result<ReferenceCamera> {
+    let (eye, target, up) = (t.needed::<[f64; 3]>("eye_mm")?, t.needed::<[f64; 3]>("target_mm")?, t.stated("up")?);
+    Ok(ReferenceCamera {
+        eye: eye.into(),
+        target: target.into(),
+        up: up.map_or(DVec3::Z, <[f64; 3]>::into),
+        fov_y_deg: t.needed("fov_deg")?,
+    })
 }
 
 /// The exposure of a camera, for pictures that are made to be looked at (`mesophyll render --tone film`).

@@ -6,7 +6,7 @@
 //! sun, the N² coefficients are integrated. A sun that moves takes them from the polynomial fit, which is made once,
 //! and only for such a sun.
 
-use crate::manifest::SceneManifest;
+use crate::manifest::{SceneManifest, SceneSun};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use glam::DVec3;
@@ -14,6 +14,7 @@ use mesophyll_fits::sky as fit;
 use mesophyll_sky::polynomials::FoldedPolynomials;
 use mesophyll_sky::{HarmonicCoefficients, HosekWilkie, Preetham, Sky, SkyFamily, SkyModel, SkyRefusal};
 use mesophyll_sky::{harmonics, irradiance, projection, sun};
+use mesophyll_transport::ReferenceSun;
 use mesophyll_transport::tone::display;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -67,12 +68,23 @@ pub fn sun_directions(manifest: &SceneManifest) -> Vec<DVec3> {
     sun_direction(manifest).into_iter().chain(hours.map(|(zenith, azimuth)| direction(zenith, azimuth))).collect()
 }
 
+/// The scene's sun, with its own light or that of the physical sky that it stands in.
+///
+/// # Errors
+/// As [`Daylight::of`].
+pub fn sun_disk(manifest: &SceneManifest) -> Result<Option<ReferenceSun>> {
+    let (Some(direction), Some(stated)) = (sun_direction(manifest), &manifest.sun) else { return Ok(None) };
+    let own = Daylight::of(manifest)?.map(|d| d.sun);
+    let irradiance = stated.irradiance().or(own).unwrap_or_default();
+    Ok(Some(ReferenceSun { direction, irradiance, radius: stated.radius_deg.to_radians() }))
+}
+
 /// Irradiance of the sun and mean radiance of the sky, in the scene's unit; 0 for one that is absent.
 pub fn levels(manifest: &SceneManifest) -> ([f64; 3], [f64; 3]) {
     if let Ok(Some(daylight)) = Daylight::of(manifest) {
         return (daylight.sun, daylight.level.map(|e| e / PI));
     }
-    let sun = manifest.sun.as_ref().and_then(|s| s.irradiance).unwrap_or_default();
+    let sun = manifest.sun.as_ref().and_then(SceneSun::irradiance).unwrap_or_default();
     let sky = manifest.pictured().map(|p| p.rest.mean()).or_else(|| manifest.even_sky());
     (sun, sky.unwrap_or_default())
 }
@@ -107,7 +119,7 @@ impl Daylight {
                 (Arc::from(model.sky(zenith, turbidity).map_err(refused)?), None)
             }
         };
-        let stated = manifest.sun.as_ref().and_then(|s| s.irradiance);
+        let stated = manifest.sun.as_ref().and_then(SceneSun::irradiance);
         let level = irradiance::on_level_ground(&projection::direct(sky.as_ref(), 2)).map(|v| v * scale);
         let sun = stated.unwrap_or_else(|| sun::irradiance(zenith, turbidity).map(|v| v * scale));
         Ok(Daylight { perez, turbidity, zenith: sky.sun_zenith(), azimuth, scale, sun, albedo, level, sky })

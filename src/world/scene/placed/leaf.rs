@@ -78,7 +78,7 @@ impl PlacedLeaf {
         if !used {
             return Ok(out);
         }
-        out.uniform = leaf.uniform.is_some();
+        out.uniform = leaf.uniform().is_some();
         let source = match out.uniform {
             true => None,
             false => Some(source::source(manifest, index, search.out, search.input_hash)?),
@@ -105,7 +105,7 @@ impl PlacedLeaf {
                 let mesh = out.blade(manifest, ledger)?;
                 let mine: Vec<&LeafPlacement> = placements.iter().filter(|p| p.leaf == index).collect();
                 let views: Vec<(DVec3, f64)> =
-                    manifest.perspectives().map(|v| (v.camera.eye_mm.into(), manifest.time_of(v))).collect();
+                    manifest.perspectives().map(|v| (v.camera.eye, manifest.time_of(v))).collect();
                 out.facing = if search.free {
                     VisibleSides::ALL
                 } else {
@@ -121,14 +121,10 @@ impl PlacedLeaf {
             out.translucent = translucency::find(manifest, index, search.out, out.fitted.as_ref())?;
         }
         for card in cards() {
-            let (turn, at) = (placement::rotation(card.rotation_deg), card.camera.target_mm);
-            let p = LeafPlacement {
-                leaf: index,
-                transform: glam::DMat4::from_rotation_translation(turn, at.into()),
-                section: None,
-            };
-            let eye = DVec3::from(card.camera.eye_mm);
-            out.on_cards.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[eye], sun);
+            let turn = placement::rotation(card.rotation_deg);
+            let transform = DMat4::from_rotation_translation(turn, card.camera.target);
+            let p = LeafPlacement { leaf: index, transform, section: None };
+            out.on_cards.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[card.camera.eye], sun);
         }
         Ok(out)
     }
@@ -140,7 +136,7 @@ impl PlacedLeaf {
         let mesh = ledger.note("read", name, bytes, || match leaf.discs {
             Some(_) => mesh::read_discs(&self.mesh_path, leaf.mesh_unit.unwrap_or(LengthUnit::Metre)),
             None if leaf.part.is_some() => blades_of(&self.mesh_path, leaf.part.as_deref().unwrap_or_default()),
-            None if leaf.uniform.is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
+            None if leaf.uniform().is_some() => mesh::read_plain(&self.mesh_path, leaf.mesh_unit),
             None => mesh::read(&self.mesh_path, leaf.mesh_unit),
         })?;
         if leaf.mesh.is_none() || leaf.part.is_some() || leaf.mesh_up.unwrap_or_else(|| up(&mesh)) == UpAxis::Z {

@@ -75,7 +75,7 @@ impl PlacedScene {
         let planted = plant::planted(manifest, ledger)?;
         let Standing { placements, wood, winds } = stand(manifest, &planted, ledger)?;
         let shapes = planted.iter().flat_map(|p| p.shapes().map(move |shape| (p.name.clone(), shape))).collect();
-        let eyes = manifest.perspectives().map(|v| DVec3::from(v.camera.eye_mm)).collect();
+        let eyes = manifest.perspectives().map(|v| v.camera.eye).collect();
         let moves = SceneMotion { winds: winds.as_deref(), grass: false };
         let leaves = (0..manifest.leaves.len())
             .map(|k| PlacedLeaf::find(manifest, (&placements, moves), k, search, ledger))
@@ -163,7 +163,7 @@ impl PlacedScene {
         search: LeafSearch,
         ledger: &Ledger,
     ) -> Result<()> {
-        for index in self.unfitted().into_iter().filter(|k| manifest.leaves[*k].look.is_some()) {
+        for index in self.unfitted().into_iter().filter(|k| manifest.leaves[*k].look().is_some()) {
             maker::fit(manifest, index, out, &maker::fit_folder(manifest, index, out), false, ledger)?;
             self.find_again(manifest, index, LeafSearch { out: Some(out), ..search }, ledger)?;
         }

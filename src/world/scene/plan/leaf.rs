@@ -81,7 +81,7 @@ impl ScenePlan {
     pub(super) fn list_fits(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf) {
         let name = &manifest.leaves[leaf.index].name;
         if !leaf.used {
-            let folder = manifest.leaves[leaf.index].fit.as_ref().map(|f| manifest.resolve(f));
+            let folder = manifest.leaves[leaf.index].fit().and_then(|f| f.fit.as_ref()).map(|f| manifest.resolve(f));
             let bytes = folder.as_ref().and_then(|f| std::fs::read_dir(f).ok()).map_or(0, |entries| {
                 entries.flatten().filter_map(|e| e.metadata().ok()).filter(|m| m.is_file()).map(|m| m.len()).sum()
             });
@@ -94,7 +94,8 @@ impl ScenePlan {
             ));
             return;
         }
-        let stated = manifest.leaves[leaf.index].look.is_some() || leaf.fitted.as_ref().is_some_and(LeafFit::is_stated);
+        let stated =
+            manifest.leaves[leaf.index].look().is_some() || leaf.fitted.as_ref().is_some_and(LeafFit::is_stated);
         let what = if stated { "stated look" } else { "fit" };
         let fits = [
             leaf.source.as_ref().map(|source| (format!("{what} {name}"), source, leaf.fitted.as_ref())),

@@ -1,9 +1,10 @@
 //! Which levels of anchors light between leaves needs: those that the views of a scene come near enough for.
 
 use super::transfer::views_decide;
-use crate::manifest::{SceneManifest, ViewCamera};
+use crate::manifest::SceneManifest;
 use crate::placed::PlacedScene;
 use glam::DVec3;
+use mesophyll_transport::ReferenceCamera;
 use mesophyll_transport::transfer::anchors::{level, levels};
 
 /// The camera of a scene's pictures.
@@ -22,13 +23,12 @@ impl PlanCamera {
     /// middle. Across the direction from the middle it is smaller by cos θ, because the place on the picture plane is
     /// farther away. Along this direction it is smaller by cos² θ, because the ray also meets the picture at a slant.
     /// The corner has the largest θ.
-    pub fn new(camera: &ViewCamera, [width, height]: [u32; 2]) -> PlanCamera {
-        let up = (0.5 * camera.fov_deg).to_radians().tan();
+    pub fn new(camera: &ReferenceCamera, [width, height]: [u32; 2]) -> PlanCamera {
+        let up = camera.half_height();
         let pixels = f64::from(height.max(1));
         let across = up * f64::from(width) / pixels;
-        let at = DVec3::from(camera.eye_mm);
         let middle = 2.0 * up / pixels;
-        PlanCamera { at, pixel: middle / (1.0 + up * up + across * across), middle }
+        PlanCamera { at: camera.eye, pixel: middle / (1.0 + up * up + across * across), middle }
     }
 
     /// Pixels that a ball of this centre and radius (mm) covers at least, where nothing hides it.

@@ -56,14 +56,12 @@ fn in_view(manifest: &SceneManifest, centre: DVec3, radius: f64) -> bool {
     let aspect = f64::from(manifest.check.width) / f64::from(manifest.check.height.max(1));
     manifest.perspectives().any(|view| {
         let camera = &view.camera;
-        let [eye, target, up] = [camera.eye_mm, camera.target_mm, camera.up].map(DVec3::from);
-        let ahead = (target - eye).normalize_or(DVec3::X);
-        let right = ahead.cross(up).normalize_or(ahead.any_orthonormal_vector());
-        let half = 1.02 * (0.5 * camera.fov_deg).to_radians().tan();
-        let d = centre - eye;
+        let [ahead, right, above] = camera.axes();
+        let half = 1.02 * camera.half_height();
+        let d = centre - camera.eye;
         let depth = d.dot(ahead);
         let within = |across: f64, half: f64| across.abs() <= half * depth + radius * half.hypot(1.0);
-        depth > -radius && within(d.dot(right), half * aspect) && within(d.dot(right.cross(ahead)), half)
+        depth > -radius && within(d.dot(right), half * aspect) && within(d.dot(above), half)
     })
 }
 
@@ -100,7 +98,7 @@ pub fn between(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut SceneP
         return Ok(());
     };
     let [along, across] = asked.anchors;
-    let shines = |k: usize| manifest.leaves[k].uniform.as_ref().is_none_or(|u| u.gloss().is_some());
+    let shines = |k: usize| manifest.leaves[k].uniform().is_none_or(|u| u.gloss().is_some());
     let gloss: Vec<bool> =
         plan.leaves.iter().enumerate().map(|(k, l)| shines(k) && l.sides.iter().any(|s| s.gloss)).collect();
     let of = |seen: bool, bands: usize| {
@@ -225,15 +223,16 @@ fn rows_an_anchor(glossy: bool, bands: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::manifest::{PerspectiveView, SceneView, ViewCamera};
+    use crate::manifest::{PerspectiveView, SceneView};
+    use mesophyll_transport::ReferenceCamera;
 
     /// A ball that the picture's edge cuts is in the picture. One beside, behind or above it is not.
     #[test]
     fn a_ball_is_in_a_picture_or_beside_it() {
         let mut manifest: SceneManifest = toml::from_str("schema = 1\nname = \"a\"").unwrap();
         (manifest.check.width, manifest.check.height) = (200, 100);
-        let (eye_mm, target_mm, up, fov_deg) = ([0.0, -100.0, 0.0], [0.0; 3], [0.0, 0.0, 1.0], 90.0);
-        let camera = ViewCamera { eye_mm, target_mm, up, fov_deg };
+        let (eye, target, up) = (-100.0 * DVec3::Y, DVec3::ZERO, DVec3::Z);
+        let camera = ReferenceCamera { eye, target, up, fov_y_deg: 90.0 };
         manifest.views = vec![SceneView::Perspective(PerspectiveView::new("front", camera))];
         let seen = |x: f64, y: f64, z: f64| in_view(&manifest, DVec3::new(x, y, z), 10.0);
         assert!(seen(0.0, 0.0, 0.0) && seen(-199.0, 0.0, 0.0) && seen(0.0, 0.0, 99.0));

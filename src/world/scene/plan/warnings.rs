@@ -2,9 +2,10 @@
 //! view shows.
 
 use crate::Result;
-use crate::manifest::{SceneManifest, ViewCamera};
+use crate::manifest::SceneManifest;
 use crate::placed::{PlacedScene, leaf::PlacedLeaf, placement::LeafPlacement, plant::PlacedShape};
 use glam::DVec3;
+use mesophyll_transport::ReferenceCamera;
 
 /// A mesh that is larger or smaller than the scanned blade by this factor is assumed to be in another unit.
 const STRANGE: f64 = 50.0;
@@ -109,10 +110,10 @@ fn unseen(manifest: &SceneManifest, placed: &PlacedScene, leaf: &PlacedLeaf) -> 
 }
 
 /// Number of pixels across a ball in a view; 0 where the ball is outside.
-fn pixels(manifest: &SceneManifest, camera: &ViewCamera, centre: DVec3, radius: f64) -> f64 {
-    let (eye, height) = (DVec3::from(camera.eye_mm), f64::from(manifest.check.height));
-    let (tan, aspect) = ((0.5 * camera.fov_deg.to_radians()).tan(), f64::from(manifest.check.width) / height);
-    let (towards, away) = ((DVec3::from(camera.target_mm) - eye).normalize_or_zero(), centre - eye);
+fn pixels(manifest: &SceneManifest, camera: &ReferenceCamera, centre: DVec3, radius: f64) -> f64 {
+    let (eye, height) = (camera.eye, f64::from(manifest.check.height));
+    let (tan, aspect) = (camera.half_height(), f64::from(manifest.check.width) / height);
+    let (towards, away) = (camera.axes()[0], centre - eye);
     let distance = away.length();
     if distance <= radius {
         return f64::from(manifest.check.width);

@@ -1,64 +1,35 @@
 //! Checks leaves: each has one source of data, and its fields belong together.
 
 use super::place::ManifestText;
-use crate::manifest::{InteriorSource, Result, StatedLeaf, UniformLeaf};
-use mesophyll_fits::look::Look;
-use mesophyll_optics::gloss::LobeKind;
+use crate::manifest::{LeafOrigin, Result, StatedLeaf, UniformLeaf};
 use mesophyll_transport::lobe::M_FLOOR;
 
+const HEADER: &str = "[[leaf]]";
+
 pub fn leaves(p: &ManifestText) -> Result<()> {
-    const HEADER: &str = "[[leaf]]";
     let mut names = p.names(HEADER, "leaf");
     for (i, leaf) in p.manifest.leaves.iter().enumerate() {
         names.take(i, &leaf.name)?;
-        let fitted = leaf.fit.is_some() || leaf.capture.is_some() || leaf.scan.is_some();
-        let own = fitted || leaf.uniform.is_some() || leaf.foliar.is_some() || leaf.look.is_some();
-        if let Some(uniform) = &leaf.uniform {
-            one_uniform(p, i, leaf, uniform, fitted)?;
-        }
-        if let Some(look) = &leaf.look {
-            one_look(p, i, leaf, look, fitted)?;
-        }
-        if leaf.foliar.is_some() {
-            if leaf.uniform.is_some() {
-                return Err(p.error(HEADER, i, "foliar", "given beside uniform; expected one of the two"));
+        match &leaf.origin {
+            LeafOrigin::Uniform(uniform) => one_uniform(p, i, leaf, uniform)?,
+            LeafOrigin::Layered(_) => shaped(p, i, "foliar", leaf)?,
+            LeafOrigin::Look(look) => {
+                let fault = |(field, what)| Err(p.error(HEADER, i, "look", format!("{field}: {what}")));
+                look.fault().map_or(Ok(()), fault)?;
             }
-            without_maps(p, i, "foliar", leaf, fitted)?;
-            if leaf.lobe != LobeKind::default() || leaf.index.is_some() {
-                let what = "given beside foliar, whose layers have indices and lobes of their own";
-                return Err(p.error(HEADER, i, "lobe", what));
-            }
-        }
-        if let Some(like) = &leaf.like {
-            p.leaf(HEADER, i, "like", like)?;
-            if own {
-                return Err(p.error(
-                    HEADER,
-                    i,
-                    "like",
-                    "given beside a fit, capture, scan, look, uniform or foliar of its own; expected one of the two",
-                ));
-            }
-            if p.manifest.leaf_index(like).is_some_and(|k| p.manifest.leaves[k].like.is_some()) {
-                return Err(p.error(
-                    HEADER,
-                    i,
-                    "like",
-                    format!("\"{like}\" is like another one itself; expected a leaf with data of its own"),
-                ));
-            }
-        } else if !own {
-            return Err(p.error(
-                HEADER,
-                i,
-                "fit",
-                "missing; expected a fit folder, a capture, a scan, a look, uniform or foliar",
-            ));
+            LeafOrigin::Fitted(_) | LeafOrigin::Other => {}
         }
         let like = leaf.like.as_ref().and_then(|name| p.manifest.leaf_index(name)).map(|k| &p.manifest.leaves[k]);
-        let even = |l: &StatedLeaf| l.uniform.is_some() || l.foliar.is_some();
-        if leaf.discs.is_some() && !even(leaf) && like.is_none_or(|l| !even(l)) {
-            return Err(p.error(HEADER, i, "discs", "given without uniform; discs have no maps"));
+        if let Some(name) = &leaf.like {
+            p.leaf(HEADER, i, "like", name)?;
+            if like.is_some_and(|other| other.like.is_some()) {
+                let what = format!("\"{name}\" is like another one itself; expected a leaf with data of its own");
+                return Err(p.error(HEADER, i, "like", what));
+            }
+            let even = |l: &StatedLeaf| matches!(l.origin, LeafOrigin::Uniform(_) | LeafOrigin::Layered(_));
+            if leaf.discs.is_some() && !like.is_some_and(even) {
+                return Err(p.error(HEADER, i, "discs", "given without uniform; discs have no maps"));
+            }
         }
         if leaf.part.is_some() && (leaf.mesh.is_none() || leaf.mesh_unit.is_some()) {
             let what =
@@ -66,29 +37,22 @@ pub fn leaves(p: &ManifestText) -> Result<()> {
             return Err(p.error(HEADER, i, "part", what));
         }
         if leaf.mesh_unit.is_some() && leaf.mesh.is_none() && leaf.discs.is_none() {
-            return Err(p.error(
-                HEADER,
-                i,
-                "mesh_unit",
-                "given without a mesh; a fit's own blade says its unit itself",
-            ));
+            let what = "given without a mesh; a fit's own blade says its unit itself";
+            return Err(p.error(HEADER, i, "mesh_unit", what));
         }
         if leaf.mesh_up.is_some() && (leaf.mesh.is_none() || leaf.part.is_some()) {
             let what = "given without a mesh, or with a part, which stands as its plant does; expected a mesh alone";
             return Err(p.error(HEADER, i, "mesh_up", what));
         }
-        if leaf.capture.is_some() && leaf.scan.is_some() {
+        let scan = leaf.fit().and_then(|f| f.scan.as_ref());
+        if scan.is_some() && leaf.fit().is_some_and(|f| f.capture.is_some()) {
             return Err(p.error(HEADER, i, "scan", "given beside a capture; expected one of the two"));
         }
-        if let Some(scan) = &leaf.scan {
+        if let Some(scan) = scan {
             if scan.size.is_some() && scan.texels().is_none() {
                 let found = scan.size.as_deref().unwrap_or_default();
-                return Err(p.error(
-                    HEADER,
-                    i,
-                    "scan",
-                    format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180"),
-                ));
+                let what = format!("size: found \"{found}\", expected WIDTHxHEIGHT such as 240x180");
+                return Err(p.error(HEADER, i, "scan", what));
             }
             for side in scan.field_mm.iter().flatten() {
                 p.range(HEADER, i, "scan", *side, [0.1, 1e4], "mm of field")?;
@@ -116,19 +80,8 @@ pub fn leaves(p: &ManifestText) -> Result<()> {
 /// The rounding error that ρd + ρt = 1 may have when the numbers have six digits.
 const ROUNDING: f64 = 2e-6;
 
-/// Checks a leaf that is the same everywhere: it has a mesh, and no field that needs maps. `key` is the field that
-/// states it.
-fn without_maps(p: &ManifestText, i: usize, key: &str, leaf: &StatedLeaf, fitted: bool) -> Result<()> {
-    const HEADER: &str = "[[leaf]]";
-    for (other, given) in [
-        ("fit, capture or scan", fitted),
-        ("translucency", leaf.translucency.is_some()),
-        ("interior", leaf.interior != InteriorSource::default()),
-    ] {
-        if given {
-            return Err(p.error(HEADER, i, key, format!("given beside {other}; a {key} leaf has no maps")));
-        }
-    }
+/// Checks that a leaf without maps has a shape. `key` is the field that states it.
+fn shaped(p: &ManifestText, i: usize, key: &str, leaf: &StatedLeaf) -> Result<()> {
     match (&leaf.mesh, &leaf.discs) {
         (None, None) => Err(p.error(HEADER, i, "mesh", format!("missing; a {key} leaf needs a mesh, or discs"))),
         (Some(_), Some(_)) => Err(p.error(HEADER, i, "discs", "given beside a mesh; expected one of the two")),
@@ -136,30 +89,9 @@ fn without_maps(p: &ManifestText, i: usize, key: &str, leaf: &StatedLeaf, fitted
     }
 }
 
-/// Checks a leaf whose look is stated by pictures. What they hold is checked where they are read.
-fn one_look(p: &ManifestText, i: usize, leaf: &StatedLeaf, look: &Look, fitted: bool) -> Result<()> {
-    const HEADER: &str = "[[leaf]]";
-    for (other, given) in [
-        ("fit, capture or scan", fitted),
-        ("uniform", leaf.uniform.is_some()),
-        ("foliar", leaf.foliar.is_some()),
-        ("translucency, which needs the σa and σs of a fit", leaf.translucency.is_some()),
-        ("interior, of which a look has one only", leaf.interior != InteriorSource::default()),
-    ] {
-        if given {
-            return Err(p.error(HEADER, i, "look", format!("given beside {other}; expected one of the two")));
-        }
-    }
-    match look.fault() {
-        Some((field, what)) => Err(p.error(HEADER, i, "look", format!("{field}: {what}"))),
-        None => Ok(()),
-    }
-}
-
-fn one_uniform(p: &ManifestText, i: usize, leaf: &StatedLeaf, uniform: &UniformLeaf, fitted: bool) -> Result<()> {
-    const HEADER: &str = "[[leaf]]";
+fn one_uniform(p: &ManifestText, i: usize, leaf: &StatedLeaf, uniform: &UniformLeaf) -> Result<()> {
     const KEY: &str = "uniform";
-    without_maps(p, i, KEY, leaf, fitted)?;
+    shaped(p, i, KEY, leaf)?;
     if leaf.lobe.has_index() {
         return Err(p.error(HEADER, i, "lobe", format!("found {}, expected one without an index", leaf.lobe)));
     }

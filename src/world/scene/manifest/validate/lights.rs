@@ -9,18 +9,7 @@ pub fn lights(p: &ManifestText) -> Result<()> {
     if let Some(sun) = &p.manifest.sun {
         p.range("[sun]", 0, "zenith_deg", sun.zenith_deg, [0.0, 180.0], "degrees")?;
         p.finite("[sun]", 0, "azimuth_deg", &[sun.azimuth_deg])?;
-        match &sun.irradiance {
-            Some(irradiance) => p.colour("[sun]", "irradiance", irradiance)?,
-            None if p.manifest.physical_sky().is_some() => {}
-            None => {
-                return Err(p.error(
-                    "[sun]",
-                    0,
-                    "irradiance",
-                    "missing; only a sun under a physical sky has its light from the model",
-                ));
-            }
-        }
+        sun.irradiance().map_or(Ok(()), |irradiance| p.colour("[sun]", "irradiance", &irradiance))?;
         p.range("[sun]", 0, "radius_deg", sun.radius_deg, [0.0, 45.0], "degrees")?;
     }
     if let Some(sky) = &p.manifest.sky {

@@ -79,6 +79,7 @@ pub fn validate(m: &SceneManifest, text: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::manifest::{SceneSun, SunLight};
     use std::path::PathBuf;
 
     const GOOD: &str = r#"
@@ -121,7 +122,7 @@ max_error = 0.1
         assert_eq!(verdict(GOOD), "ok");
         for (from, to, expected) in [
             ("zenith_deg = 30", "zenith_deg = 300", "s.toml:11: sun.zenith_deg: found 300, expected 0 to 180 degrees"),
-            ("zenith_deg = 30", "zenit_deg = 30", "s.toml:11: unknown field `zenit_deg`"),
+            ("zenith_deg = 30", "zenit_deg = 30", "s.toml:11: sun.zenit_deg: no field of a sun; expected zenith_deg"),
             (
                 "leaf = \"elm\"",
                 "leaf = \"oak\"",
@@ -222,6 +223,115 @@ max_error = 0.1
         ] {
             assert!(GOOD.contains(from));
             let found = verdict(&GOOD.replacen(from, to, 1));
+            assert!(found.starts_with(expected), "{found}\nexpected {expected}");
+        }
+    }
+
+    const SHAPED: &str = "mesh = \"m.glb\"\n";
+    const UNIFORM: &str = "uniform = { rho_d = [[0.1, 0.2, 0.1], [0.1, 0.2, 0.1]], rho_t = [0.1, 0.2, 0.1] }\n";
+    const LOOK: &str = "look = { albedo = \"a.png\", transfer = \"srgb\", width_mm = 60, rho_t_factor = 0.5 }\n";
+    const LAYERS: &str = "foliar = { absorption = [0.9, 0.5, 1.9] }\n";
+
+    /// Each kind of leaf has its own fields. What another kind has is refused with those, on its line.
+    #[test]
+    fn a_field_of_another_kind_of_leaf_is_refused_with_the_kinds_own_fields() {
+        let own = "expected its fields name, like, uniform, mesh, part, mesh_unit, mesh_up, discs, lobe, index";
+        let of_fits = "expected interior of its fields name, like, fit, capture, scan, mesh, part, mesh_unit, mesh_up, \
+                       lobe, index, interior, translucency";
+        let even = format!("{UNIFORM}{SHAPED}");
+        let layers = format!("{LAYERS}{SHAPED}");
+        // What stands in place of the fit, its first wrong line and field, and what is said of it.
+        for (of, at, expected) in [
+            (format!("{even}fit = \"f\"\n"), "9: leaf.fit", format!("is uniform and has no maps; {own}")),
+            (format!("{even}{LAYERS}"), "9: leaf.foliar", format!("is uniform and has no maps; {own}")),
+            (format!("{even}interior = \"maps\"\n"), "9: leaf.interior", "is uniform".into()),
+            (format!("{even}translucency = {{}}\n"), "9: leaf.translucency", "is uniform".into()),
+            (
+                format!("{UNIFORM}messh = \"m\"\n"),
+                "8: leaf.messh",
+                "is uniform and has no maps; expected mesh of".into(),
+            ),
+            (format!("{LOOK}scan = {{ spec = \"e\" }}\n"), "8: leaf.scan", "is stated by its look".into()),
+            (format!("{layers}lobe = \"ggx\"\n"), "9: leaf.lobe", "is stated by its layers".into()),
+            (format!("{layers}index = 1.4\n"), "9: leaf.index", "is stated by its layers".into()),
+            ("fit = \"f\"\ndiscs = \"d\"\n".into(), "8: leaf.discs", "is drawn by the maps of a fit".into()),
+            (
+                "fit = \"f\"\ninteror = 1\n".into(),
+                "8: leaf.interor",
+                format!("is drawn by the maps of a fit; {of_fits}"),
+            ),
+            (format!("like = \"elm\"\n{SHAPED}fit = \"f\"\n"), "9: leaf.fit", "is like another one".into()),
+        ] {
+            let found = verdict(&GOOD.replacen("fit = \"fits/elm\"\n", &of, 1));
+            let expected = format!("s.toml:{at}: given, but leaf \"elm\" {expected}");
+            assert!(found.starts_with(&expected), "{found}\nexpected {expected}");
+        }
+        for (of, expected) in [
+            (UNIFORM.into(), "s.toml:5: leaf.mesh: missing; a uniform leaf needs a mesh, or discs"),
+            (format!("{even}discs = \"d.txt\"\n"), "s.toml:9: leaf.discs: given beside a mesh"),
+            (format!("{layers}lobe = \"ggz\"\n"), "s.toml:9: leaf.lobe: unknown variant `ggz`"),
+            ("fit = 5\n".into(), "s.toml:7: leaf.fit: invalid type: integer `5`, expected path"),
+            ("captur = \"c\"\n".into(), "s.toml:7: leaf.captur: no field of leaf \"elm\"; expected capture"),
+            ("unifrom = {}\n".into(), "s.toml:7: leaf.unifrom: no field of leaf \"elm\"; expected uniform"),
+            ("like = \"oak\"\n".into(), "s.toml:7: leaf.like: found \"oak\", expected one of the scene's leaves (elm)"),
+            ("like = \"elm\"\n".into(), "s.toml:7: leaf.like: \"elm\" is like another one itself"),
+        ] {
+            let found = verdict(&GOOD.replacen("fit = \"fits/elm\"\n", &of, 1));
+            assert!(found.starts_with(expected), "{found}\nexpected {expected}");
+        }
+    }
+
+    /// What a kind does not have may still be given where it says what is so without it.
+    #[test]
+    fn leaves_and_suns_keep_everything_that_was_stated() {
+        let parse = |text: &str| SceneManifest::parse(text, std::path::Path::new("s.toml")).unwrap();
+        let plain = "interior = \"scalars\"\n";
+        for of in [
+            format!("{UNIFORM}{SHAPED}{plain}lobe = \"ggx\"\n"),
+            format!("{LOOK}{plain}lobe = \"cook-torrance\"\nindex = 1.5\n"),
+            format!("{LAYERS}{SHAPED}{plain}lobe = \"beckmann\"\n"),
+        ] {
+            let with = GOOD.replacen("fit = \"fits/elm\"\n", &of, 1);
+            let without = with.replacen(plain, "", 1).replacen("lobe = \"beckmann\"\n", "", 1);
+            assert_eq!(parse(&with), parse(&without), "{of}");
+        }
+        // A leaf that is like another one has the data of that one, and states how it is drawn itself.
+        let twin =
+            "[[leaf]]\nname = \"twin\"\nlike = \"elm\"\nlobe = \"ggx\"\ninterior = \"maps\"\ntranslucency = {}\n";
+        let both = parse(&GOOD.replacen("[[instance]]", &format!("{twin}[[instance]]"), 1));
+        let [elm, like] = &both.leaves[..] else { panic!("{:?}", both.leaves) };
+        let fit = super::super::FitOrigin { fit: Some("fits/elm".into()), capture: None, scan: None };
+        assert_eq!((elm.fit(), like.fit(), like.data_name()), (Some(&fit), Some(&fit), "elm"));
+        assert_ne!((elm.lobe, elm.interior), (like.lobe, like.interior));
+        assert!(elm.translucency.is_none() && like.translucency.is_some());
+        let layered = format!("{LAYERS}{SHAPED}{twin}");
+        let both = parse(&GOOD.replacen("fit = \"fits/elm\"\n", &layered, 1));
+        assert!(both.leaves[0].layers().is_some() && both.leaves[0].layers() == both.leaves[1].layers());
+        assert_eq!(both.leaves[0].lobe(), both.leaves[1].lobe());
+        // The sun's light is stated, or the model's own.
+        let sun = parse(GOOD).sun.unwrap();
+        let stated = SceneSun {
+            zenith_deg: 30.0,
+            azimuth_deg: 0.0,
+            light: SunLight::Stated([3.0; 3]),
+            radius_deg: 0.2666,
+            moves: false,
+        };
+        assert_eq!(sun, stated);
+        let sky = "radius_deg = 1\nazimuth_deg = 20\nmoves = true\n[sky]\nmodel = \"preetham\"\nturbidity = 3\n";
+        let moving = SceneSun { azimuth_deg: 20.0, light: SunLight::Sky, radius_deg: 1.0, moves: true, ..stated };
+        assert_eq!(parse(&GOOD.replacen("irradiance = [3, 3, 3]\n", sky, 1)).sun.unwrap(), moving);
+        for (to, expected) in [
+            ("", "s.toml:10: sun.irradiance: missing; only a sun under a physical sky"),
+            ("iradiance = [3, 3, 3]\n", "s.toml:12: sun.iradiance: no field of a sun; expected irradiance"),
+            (
+                "irradiance = [3, 3, 3]\nradius = 1\n",
+                "s.toml:13: sun.radius: given, which is no field of a sun; expected",
+            ),
+            ("irradiance = [3, 3]\n", "s.toml:12: sun.irradiance: "),
+            ("irradiance = [3, 3, -1]\n", "s.toml:12: sun.irradiance: found"),
+        ] {
+            let found = verdict(&GOOD.replacen("irradiance = [3, 3, 3]\n", to, 1));
             assert!(found.starts_with(expected), "{found}\nexpected {expected}");
         }
     }

@@ -1,6 +1,6 @@
 //! The place of a fault in a scene file, and the checks that many fields share.
 
-use crate::manifest::{Error, Result, SceneManifest, StatedLeaf};
+use crate::manifest::{Error, LeafOrigin, Result, SceneManifest, StatedLeaf};
 use mesophyll_base::error::Fault;
 use std::collections::BTreeSet;
 
@@ -81,11 +81,11 @@ impl<'a> ManifestText<'a> {
     /// Checks that the leaf of a view that compares it with its fit exists and is fitted.
     pub fn fitted_leaf(&self, header: &str, index: usize, name: &str) -> Result<()> {
         self.leaf(header, index, "leaf", name)?;
-        let stated = |leaf: &StatedLeaf| match (&leaf.uniform, &leaf.foliar, &leaf.look) {
-            (Some(_), ..) => Some("uniform"),
-            (_, Some(_), _) => Some("stated by its layers"),
-            (.., Some(_)) => Some("stated by its look"),
-            _ => None,
+        let stated = |leaf: &StatedLeaf| match leaf.origin {
+            LeafOrigin::Uniform(_) => Some("uniform"),
+            LeafOrigin::Layered(_) => Some("stated by its layers"),
+            LeafOrigin::Look(_) => Some("stated by its look"),
+            LeafOrigin::Fitted(_) | LeafOrigin::Other => None,
         };
         match self.manifest.leaf_index(name).and_then(|k| stated(&self.manifest.leaves[k])) {
             Some(how) => Err(self.error(header, index, "leaf", format!("\"{name}\" is {how}, expected a fitted leaf"))),

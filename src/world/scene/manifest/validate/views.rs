@@ -2,7 +2,9 @@
 
 use super::MOST_SECONDS;
 use super::place::ManifestText;
-use crate::manifest::{CaptureView, CardView, PerspectiveView, Result, SceneView, ViewCamera};
+use crate::manifest::{CaptureView, CardView, PerspectiveView, Result, SceneView};
+use glam::DVec3;
+use mesophyll_transport::ReferenceCamera;
 
 /// The least number of blocks along a side of the picture. A mean over a large part of the picture would hide faults in
 /// it.
@@ -26,18 +28,18 @@ pub fn views(p: &ManifestText) -> Result<()> {
     Ok(())
 }
 
-fn camera(p: &ManifestText, i: usize, camera: &ViewCamera) -> Result<()> {
-    for (key, place) in [("eye_mm", camera.eye_mm), ("target_mm", camera.target_mm), ("up", camera.up)] {
-        p.finite(HEADER, i, key, &place)?;
+fn camera(p: &ManifestText, i: usize, camera: &ReferenceCamera) -> Result<()> {
+    for (key, place) in [("eye_mm", camera.eye), ("target_mm", camera.target), ("up", camera.up)] {
+        p.finite(HEADER, i, key, &DVec3::to_array(&place))?;
     }
-    let forward = glam::DVec3::from(camera.target_mm) - glam::DVec3::from(camera.eye_mm);
+    let forward = camera.target - camera.eye;
     if forward.length() < 1e-9 {
         return Err(p.error(HEADER, i, "target_mm", "is where the eye is, expected another point"));
     }
-    if forward.normalize().cross(glam::DVec3::from(camera.up).normalize_or_zero()).length() < 1e-6 {
+    if forward.normalize().cross(camera.up.normalize_or_zero()).length() < 1e-6 {
         return Err(p.error(HEADER, i, "up", "points along the line of sight, expected a direction across it"));
     }
-    p.range(HEADER, i, "fov_deg", camera.fov_deg, [0.1, 150.0], "degrees")
+    p.range(HEADER, i, "fov_deg", camera.fov_y_deg, [0.1, 150.0], "degrees")
 }
 
 /// Checks limits of a picture: its errors, 0 to 1, and its time.

@@ -5,7 +5,7 @@
 //! there.
 
 use super::source;
-use crate::manifest::{SceneManifest, StatedLeaf, StatedScan};
+use crate::manifest::{FitOrigin, SceneManifest, StatedLeaf, StatedScan};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use mesophyll_capture::inspection::inspect;
@@ -52,7 +52,7 @@ pub fn fit(
     ledger: &Ledger,
 ) -> Result<()> {
     let leaf = &manifest.leaves[index];
-    if let Some(look) = &leaf.look {
+    if let Some(look) = leaf.look() {
         stop()?;
         let look = source::look_of(manifest, look);
         ledger.note("state", leaf.name.clone(), 0, || {
@@ -60,10 +60,10 @@ pub fn fit(
         })?;
         return Ok(());
     }
-    let capture = match (&leaf.capture, &leaf.scan) {
-        (Some(capture), _) => manifest.resolve(capture),
-        (None, Some(scan)) => scanned(manifest, leaf, scan, out, afresh, ledger)?,
-        (None, None) => {
+    let capture = match leaf.fit() {
+        Some(FitOrigin { capture: Some(capture), .. }) => manifest.resolve(capture),
+        Some(FitOrigin { scan: Some(scan), .. }) => scanned(manifest, leaf, scan, out, afresh, ledger)?,
+        _ => {
             return Err(Error::field(
                 &manifest.path,
                 &format!("leaf \"{}\"", leaf.name),

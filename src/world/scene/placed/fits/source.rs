@@ -1,6 +1,6 @@
 //! The source of a leaf's fit: a folder that is up to date, or a capture or scan that must be fitted first.
 
-use crate::manifest::{SceneManifest, StatedLeaf, StatedScan};
+use crate::manifest::{FitOrigin, SceneManifest, StatedLeaf, StatedScan};
 use crate::placed::{Error, Result};
 use mesophyll_files::hash;
 use mesophyll_fits::look::Look;
@@ -46,16 +46,19 @@ pub fn source(
     input_hash: Option<FitInputHash>,
 ) -> Result<LeafSource> {
     let leaf = &manifest.leaves[index];
-    if let Some(look) = &leaf.look {
+    if let Some(look) = leaf.look() {
         return stated(&look_of(manifest, look), out.map(|o| o.join("fits").join(leaf.data_name())));
     }
-    let named = leaf.fit.as_ref().map(|f| manifest.resolve(f));
+    let FitOrigin { fit, capture, scan } = leaf.fit().ok_or_else(|| {
+        Error::field(&manifest.path, &format!("leaf \"{}\"", leaf.name), "is stated, so that it has no fit")
+    })?;
+    let named = fit.as_ref().map(|f| manifest.resolve(f));
     let made = out.map(|o| o.join("fits").join(leaf.data_name()));
     let exists = |f: &Path| f.join("fit.toml").is_file();
     let mut stale = None;
     for (folder, is_named) in [(made.clone(), false), (named.clone(), true)] {
         let Some(folder) = folder.filter(|f| exists(f)) else { continue };
-        let why = match (&leaf.capture, &leaf.scan, input_hash) {
+        let why = match (capture, scan, input_hash) {
             (Some(capture), _, Some(hash)) => {
                 let capture = manifest.resolve(capture);
                 if FitRecord::read(&folder)?.input_hash != hash(leaf, &capture)? {
@@ -77,7 +80,7 @@ pub fn source(
         };
         return Ok(LeafSource { status: FitFreshness::Reuse, folder: Some(folder), why: why.into() });
     }
-    if leaf.capture.is_none() && leaf.scan.is_none() {
+    if capture.is_none() && scan.is_none() {
         let folder = named.unwrap_or_default();
         return Err(Error::field(
             &manifest.path,
@@ -88,7 +91,7 @@ pub fn source(
             ),
         ));
     }
-    let from = if leaf.capture.is_some() { "capture" } else { "scan" };
+    let from = if capture.is_some() { "capture" } else { "scan" };
     Ok(match stale {
         Some(why) => LeafSource { status: FitFreshness::Stale, folder: made, why },
         None => LeafSource {
@@ -162,7 +165,7 @@ mod tests {
              eye_mm = [0, 0, 300]\ntarget_mm = [0, 0, 0]\nup = [0, 1, 0]\nfov_deg = 20\n";
         std::fs::write(&scene, text).unwrap();
         let manifest = SceneManifest::read(&scene).unwrap();
-        let hash = || scan_hash(&manifest, manifest.leaves[0].scan.as_ref().unwrap()).unwrap();
+        let hash = || scan_hash(&manifest, manifest.leaves[0].fit().unwrap().scan.as_ref().unwrap()).unwrap();
         let before = hash();
         assert_eq!(before, hash());
         let table = folder.path().join("tables/pigments.csv");
