@@ -17,13 +17,13 @@ use crate::placed::plant::PlacedWood;
 use crate::plan::levels;
 use crate::world::{SceneWorld, WorldInstance, WorldLights, WorldMaterial, WorldSky, WorldSurface};
 use crate::{Error, Result};
-use glam::{DMat4, DVec2, DVec3, Vec4};
+use glam::{DMat4, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::side::Side;
 use mesophyll_sky::polynomials::FoldedPolynomials;
 use mesophyll_sky::{HarmonicCoefficients, panorama};
-use mesophyll_transport::ReferenceCamera;
 use mesophyll_transport::environment::Environment;
+use mesophyll_transport::{ReferenceCamera, ReferenceMesh};
 use mesophyll_viewer::scene as viewer;
 use mesophyll_web::bundle::slab_curve;
 use rayon::prelude::*;
@@ -46,7 +46,7 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     // the sun.
     let finer = scene.transfer.as_ref().and_then(|t| t.sun.as_ref()).map(|sun| &sun.receivers.blades);
     let shown = |k: usize, mesh: &LeafMesh| match finer {
-        Some(blades) => transfer::mesh(&blades[k].mesh),
+        Some(blades) => single_mesh(&blades[k].mesh),
         None => viewer_mesh(mesh),
     };
     let at = |i: WorldInstance, carried| viewer::Instance {
@@ -308,10 +308,14 @@ pub fn camera(camera: &ReferenceCamera) -> viewer::Camera {
 
 /// A mesh in the renderer's precision.
 pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
+    single_mesh(&mesh.into())
+}
+
+fn single_mesh(mesh: &ReferenceMesh) -> viewer::Mesh {
     viewer::Mesh {
         positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
         normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
-        tangents: mesh.tangents.iter().map(|(t, w)| Vec4::from((t.as_vec3(), *w as f32))).collect(),
+        tangents: mesh.tangents.iter().map(|t| t.as_vec4()).collect(),
         uvs: mesh.uvs.iter().map(|t| t.as_vec2()).collect(),
         indices: mesh.indices.clone(),
         ..viewer::Mesh::default()
@@ -351,15 +355,7 @@ pub fn card(scene: &LoadedScene, card: &LeafCard, ledger: &Ledger) -> Result<vie
             }
         }
     };
-    let leaf = viewer::LeafMaterial {
-        name: manifest.leaves[card.leaf].name.clone(),
-        width: 1,
-        height: 1,
-        thickness_mm: thickness as f32,
-        lobe: manifest.leaves[card.leaf].lobe(),
-        sides: viewer::Sides::of(side),
-        mask: None,
-    };
+    let leaf = leaf_maps::even(&manifest.leaves[card.leaf], thickness, side);
     let drawn = out.add(viewer_mesh(&card.mesh), viewer::Material::Leaf(leaf));
     out.instances = vec![viewer::Instance { transform: card.transform.as_mat4(), ..drawn }];
     Ok(out)

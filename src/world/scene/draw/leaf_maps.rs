@@ -5,7 +5,7 @@
 use crate::loaded::LoadedLeaf;
 use crate::loaded::map_levels::halve;
 use crate::loaded::translucency::TranslucencyQuantity;
-use crate::manifest::{InteriorSource, SceneManifest, UniformLeaf};
+use crate::manifest::{InteriorSource, SceneManifest, StatedLeaf, UniformLeaf};
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
@@ -41,7 +41,7 @@ pub fn fitted(
             sides[side].gloss = leaf.loaded.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
         }
         if needs.normal {
-            sides[side].normal = Some(normals(leaf, side, ledger)?);
+            sides[side].normal = Some(shrink(&reader::normals(fitted, side, ledger)?, leaf, mean3));
         }
         if needs.translucency {
             let Some(maps) = &leaf.loaded.coefficients[s] else {
@@ -65,15 +65,14 @@ pub fn fitted(
         thickness_mm: h as f32,
         lobe: config.lobe(),
         sides,
-        mask: if config.mesh.is_some() { Some(mask(leaf, ledger)?) } else { None },
+        mask: if config.mesh.is_some() { Some(mask(leaf, fitted, ledger)?) } else { None },
     })
 }
 
 /// A leaf that is the same everywhere, with the sides that the plan needs.
 pub fn uniform(leaf: LoadedLeaf, stated: &UniformLeaf) -> viewer::LeafMaterial {
-    let config = leaf.config;
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
-    let side = |side: Side| {
+    even(leaf.config, 1.0, |side| {
         let needs = leaf.plan.sides[side as usize];
         let mut maps = viewer::SideMaps::black();
         if needs.interior() {
@@ -85,12 +84,20 @@ pub fn uniform(leaf: LoadedLeaf, stated: &UniformLeaf) -> viewer::LeafMaterial {
         let [r, g, b] = rgb(&stated.gloss().unwrap_or_default());
         maps.gloss = (needs.gloss && stated.gloss().is_some()).then(|| vec![[r, g, b, stated.m as f32]]);
         maps
-    };
+    })
+}
+
+/// A leaf with maps of one texel.
+pub fn even(
+    config: &StatedLeaf,
+    thickness_mm: f64,
+    side: impl FnMut(Side) -> viewer::SideMaps,
+) -> viewer::LeafMaterial {
     viewer::LeafMaterial {
         name: config.name.clone(),
         width: 1,
         height: 1,
-        thickness_mm: 1.0,
+        thickness_mm: thickness_mm as f32,
         lobe: config.lobe(),
         sides: viewer::Sides::of(side),
         mask: None,
@@ -157,14 +164,8 @@ pub fn pigment(leaf: LoadedLeaf, side: Side, ledger: &Ledger) -> Result<[Vec<[f3
     Ok(both)
 }
 
-fn normals(leaf: LoadedLeaf, side: Side, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
-    let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
-    Ok(shrink(&reader::normals(fitted, side, ledger)?, leaf, mean3))
-}
-
 /// 1 where the fit found the leaf, in the front's columns. This is for meshes that do not end at the outline.
-fn mask(leaf: LoadedLeaf, ledger: &Ledger) -> Result<Vec<u8>> {
-    let Some(fitted) = &leaf.placed.fitted else { return Ok(Vec::new()) };
+fn mask(leaf: LoadedLeaf, fitted: &LeafFit, ledger: &Ledger) -> Result<Vec<u8>> {
     let maps = reader::maps(fitted, Side::Front, ledger)?;
     let mask = maps.require_scalar(&fitted.path(LeafFitFile::Maps, Side::Front), Quantity::Mask)?;
     let on: Vec<u8> = mask.iter().map(|v| u8::from(*v != 0.0)).collect();

@@ -5,7 +5,6 @@ use crate::Result;
 use crate::plan::levels::{self, PlanCamera};
 use glam::{DVec3, Vec3};
 use mesophyll_fits::transfer::{LeafRows, TransferFit};
-use mesophyll_transport::ReferenceMesh;
 use mesophyll_transport::transfer::anchors::coarser;
 use mesophyll_transport::transfer::{TransferColumns, TransferRows};
 use mesophyll_viewer::scene as viewer;
@@ -102,19 +101,6 @@ pub fn shade(found: &TransferFit, towards_sun: DVec3, out: &mut viewer::Scene) -
     }
     out.sun_shares = Some(Arc::new(sun.shares(towards_sun)?));
     Ok(())
-}
-
-/// A mesh of the transfer in the renderer's precision.
-pub fn mesh(mesh: &ReferenceMesh) -> viewer::Mesh {
-    viewer::Mesh {
-        positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
-        normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
-        tangents: mesh.tangents.iter().map(|t| t.as_vec4()).collect(),
-        uvs: mesh.uvs.iter().map(|p| p.as_vec2()).collect(),
-        indices: mesh.indices.clone(),
-        details: Vec::new(),
-        anchors: None,
-    }
 }
 
 #[cfg(test)]
