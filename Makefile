@@ -4,7 +4,7 @@
 #   make fits    regenerates everything under fits/
 #   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or the renderer
 #   make gallery draws the pictures of docs/gallery.md, 1600 pixels wide, under out/gallery/; about an hour on two cores
-#   make gpu     on a machine with a GPU: measures in eight minutes what needs one, into docs/gpu.csv; needs Python
+#   make gpu     on a machine with a GPU: measures in eight minutes what needs one, into docs/evidence/gpu.csv; needs Python
 #   make book    the pages of docs/ and data/ as a book, out/book/html/index.html; needs mdbook
 #   make web     the viewer as a page for browsers, out/web/; docs/web.md says how scenes get there
 #   make wheel   the Python package, under target/wheels/; `pip install target/wheels/*.whl` installs it
@@ -58,7 +58,7 @@ fits: build
 	$(call ended,out/fits/report.html)
 
 gpu: build
-	.ci/gpu $(MESOPHYLL) docs/gpu.csv
+	.ci/gpu $(MESOPHYLL) docs/evidence/gpu.csv
 
 goldens: build
 	rm -f data/scenes/golden/*.png

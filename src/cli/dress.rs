@@ -10,6 +10,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
      mesophyll dress plant.glb --leaf Leaves=fits/elm -o out/plant.glb\n  \
+     mesophyll dress out/cherry.glb --leaf leaf=fits/elm --make-uv -o out/cherry-elm.glb\n  \
      mesophyll dress plant.glb --leaf Leaves=fits/elm --leaf Buds=fits/balata --make-uv -o out/plant.glb\n\n\
      Every mesh with the material shows the fit's front on its front and the fit's back behind: colour, light that\n\
      shines through (KHR_materials_diffuse_transmission), gloss and normals. docs/export.md says what is lost, and\n\
@@ -23,7 +24,7 @@ pub struct Args {
     #[arg(long = "leaf", value_name = "MATERIAL=FIT", required = true, value_parser = leaf)]
     leaves: Vec<LeafReplacement>,
     /// Make texture coordinates along each flat piece also where the file has its own: for cards that show a part of a
-    /// picture of many leaves
+    /// picture of many leaves, and for leaves of `mesophyll grow`
     #[arg(long)]
     make_uv: bool,
     /// Scatter leaves over flat pieces that are more than three times as long as the fitted blade, such as cards of

@@ -13,7 +13,7 @@ use std::path::PathBuf;
     The frames are frame-00000.png and so on. A film that was stopped goes on by the same command. Fits that are \
     missing are made first and kept in DIR/fits. For a video, the frames lie in the folder FILE.frames beside it.")]
 pub struct Args {
-    /// Scene with a [wind]
+    /// Scene with a [wind], or with a leaf that fades (`fades_to`)
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Folder for the frames, or a video to write

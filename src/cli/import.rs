@@ -23,7 +23,7 @@ use std::path::PathBuf;
      branches.csv: branch,parent,at,level,length_mm,root_radius_mm,tip_radius_mm,x,y,z,dx,dy,dz,confidence,status\n\
      leaves.csv: leaf,branch,at,x,y,z,nx,ny,nz,length_mm,width_mm,area_mm2,status\n\
      others.csv: pieces that are neither a tube nor a blade, with the reason\n\
-     Places are in mm in the file's own frame. docs/plants.md says how they are found.\n\n\
+     Places are in mm in the file's own frame. docs/plants-import.md says how they are found.\n\n\
      A .toml file states a leaf by pictures (albedo, opacity, translucency, normal), as `look` of a scene does. The \
      folder is like that of a fit: scenes name it by `fit`, and `export`, `dress` and `report` take it. \
      docs/looks.md has the fields.")]

@@ -5,7 +5,7 @@ use std::path::Path;
 
 #[test]
 fn the_page_of_the_gpu_shows_the_rows_of_its_table() {
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/evidence");
     let page = std::fs::read_to_string(docs.join("gpu.md")).unwrap();
     let mut shown: Vec<&str> = page.lines().filter(|line| line.starts_with("| ")).collect();
     shown.retain(|line| !line.starts_with("| what |"));
@@ -22,5 +22,5 @@ fn the_page_of_the_gpu_shows_the_rows_of_its_table() {
     assert!(wanted.len() > 100, "only {} rows", wanted.len());
     shown.sort_unstable();
     wanted.sort_unstable();
-    assert_eq!(shown, wanted, "`.ci/gpu --page docs/gpu.csv` makes the page anew");
+    assert_eq!(shown, wanted, "`.ci/gpu --page docs/evidence/gpu.csv` makes the page anew");
 }

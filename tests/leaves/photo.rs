@@ -261,11 +261,11 @@ fn without_stated_gloss_the_truth_is_within_wider_errors() {
     }
 }
 
-/// The table of `docs/photo.md`: leaves of six species and several seeds, each with its own errors of card, sheet,
-/// table, caliper and marks. Pulls are (found − truth)/(stated error); their root mean square over many captures is 1
-/// where errors are right. `MESOPHYLL_SEEDS` is the number of seeds.
+/// The table of `docs/evidence/photo.md`: leaves of six species and several seeds, each with its own errors of card,
+/// sheet, table, caliper and marks. Pulls are (found − truth)/(stated error); their root mean square over many captures
+/// is 1 where errors are right. `MESOPHYLL_SEEDS` is the number of seeds.
 #[test]
-#[ignore = "many minutes: prints the table of docs/photo.md"]
+#[ignore = "many minutes: prints the table of docs/evidence/photo.md"]
 fn an_ensemble_of_leaves() {
     let seeds: u64 = std::env::var("MESOPHYLL_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(4);
     let dir = tempfile::tempdir().unwrap();

@@ -74,8 +74,8 @@ fn the_sun_may_be_given_in_degrees() {
 }
 
 /// The default and the compact polynomials are compared with the integral over the whole domain. Where they are a fit,
-/// the limits are the 4.1e-6 and 1.1e-5 of the smallest c00 that docs/fits.md states and a fifth. Elsewhere the digits
-/// are the same.
+/// the limits are the 4.1e-6 and 1.1e-5 of the smallest c00 that docs/evidence/sky.md states and a fifth. Elsewhere the
+/// digits are the same.
 #[test]
 fn the_default_is_the_integral_everywhere() {
     let mut input = String::from("sun_zenith,turbidity\n");

@@ -62,9 +62,9 @@ fn worst(got: &[f64], want: &[Vec<[f64; 3]>]) -> f64 {
     out
 }
 
-/// The largest differences relative to c00 that docs/sky.md states, times one and a half: C in float 2e-7, in double
-/// 2e-15, JSON 3e-15. WGSL uses single precision throughout, with recurrences of 30 steps, and its adapter chooses the
-/// rounding: 2e-6, times two.
+/// The largest differences relative to c00 that docs/evidence/sky.md states, times one and a half: C in float 2e-7, in
+/// double 2e-15, JSON 3e-15. WGSL uses single precision throughout, with recurrences of 30 steps, and its adapter
+/// chooses the rounding: 2e-6, times two.
 const SINGLE: f64 = 3e-7;
 const DOUBLE: f64 = 3e-15;
 const JSON: f64 = 4.5e-15;

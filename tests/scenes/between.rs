@@ -284,8 +284,8 @@ fn a_transfer_that_is_there_is_not_refused() {
     assert!(LoadedScene::open(manifest, search, &Ledger::new()).is_ok());
 }
 
-/// The six clusters are read and planned as docs/light.md describes them: 14 leaves with 270 anchors, operators, and a
-/// map of the sun.
+/// The six clusters are read and planned as docs/evidence/light.md describes them: 14 leaves with 270 anchors,
+/// operators, and a map of the sun.
 #[test]
 fn the_clusters_of_six_species_are_planned() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/canopies/species");

@@ -98,8 +98,8 @@ fn the_committed_scenes_are_planned() {
 }
 
 /// A committed scene is drawn small, with the same number of blocks, and is within its limits. Its own reference
-/// exceeds the limits when it is made brighter or darker by twice the error that docs/grass.md states for sunlit slices
-/// (23 %).
+/// exceeds the limits when it is made brighter or darker by twice the error that docs/evidence/grass.md states for
+/// sunlit slices (23 %).
 #[cfg(feature = "render")]
 #[test]
 fn a_committed_scene_passes_its_limits_and_one_that_is_off_does_not() {

@@ -74,16 +74,16 @@ fn off(renderer: &mut Renderer, sun: &str, sky: &str) -> (Vec<[f64; 3]>, f64, f6
     (all, rms, mean)
 }
 
-/// The errors of sunlit slices that docs/grass.md states for each elevation: 12 and 18 % at 10° and 20°, 23 % at 45°, 7
-/// and 2 % at 75° and 90°. Interpolation gives 15 % at 15° and 5 % at 80°. The root mean square over the six directions
-/// (three, two and one at these elevations) is 17 %. No direction may have more than twice the largest figure, and the
-/// mean over all may have at most half of the root mean square.
+/// The errors of sunlit slices that docs/evidence/grass.md states for each elevation: 12 and 18 % at 10° and 20°, 23 %
+/// at 45°, 7 and 2 % at 75° and 90°. Interpolation gives 15 % at 15° and 5 % at 80°. The root mean square over the six
+/// directions (three, two and one at these elevations) is 17 %. No direction may have more than twice the largest
+/// figure, and the mean over all may have at most half of the root mean square.
 const SUNLIT: f64 = 0.17;
 const SUNLIT_LARGEST: f64 = 2.0 * 0.23;
-/// The figures that docs/grass.md states for an even sky alone: the root mean square over directions and channels, and
-/// the largest of the directions in green. They may be larger by a quarter (other adapters, other random numbers). The
-/// mean may be at most half of the root mean square. This very test measured the figures, so it guards them and does
-/// not judge them.
+/// The figures that docs/evidence/grass.md states for an even sky alone: the root mean square over directions and
+/// channels, and the largest of the directions in green. They may be larger by a quarter (other adapters, other random
+/// numbers). The mean may be at most half of the root mean square. This very test measured the figures, so it guards
+/// them and does not judge them.
 const EVEN: f64 = 1.25 * 0.064;
 const EVEN_LARGEST: f64 = 1.25 * 0.12;
 
@@ -108,8 +108,8 @@ fn the_pass_is_as_bright_under_an_overcast_sky() {
 
 /// The share of an even sky's light that arrives at blades of a height, by the slices' table. It is compared with rays
 /// from points of the blades themselves, where each direction is weighted by the area that the blade shows to it.
-/// Slices cover a direction with an error below 0.034 of all rays (docs/grass.md). The limit for the table is twice
-/// that, plus four standard errors of the rays.
+/// Slices cover a direction with an error below 0.034 of all rays (docs/evidence/grass.md). The limit for the table is
+/// twice that, plus four standard errors of the rays.
 #[test]
 fn the_sky_arrives_at_blades_as_rays_from_them_say() {
     const STEPS: usize = grass::blades::STEPS;

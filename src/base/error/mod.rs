@@ -149,7 +149,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether the value is right within its stated errors.
+    /// Whether nothing speaks against the value and its stated errors.
     pub fn is_ok(&self) -> bool {
         *self == Status::Ok
     }

@@ -39,7 +39,8 @@ pub struct Args {
     /// Folder to write
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: PathBuf,
-    /// Polynomials and how they are found; at 7 bands, fine takes 42 kB and compact 27 kB (errors: docs/sky.md)
+    /// Polynomials and how they are found; at 7 bands, fine takes 42 kB and compact 27 kB (errors:
+    /// docs/evidence/sky.md)
     #[arg(long, value_parser = named::<SkyFitMethod>(), default_value_t = SkyFitMethod::Fine)]
     method: SkyFitMethod,
     /// Bands N: l < N

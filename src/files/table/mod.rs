@@ -71,7 +71,7 @@ pub struct OutputRow {
 }
 
 impl OutputRow {
-    /// A row that is right within its errors.
+    /// A row that nothing speaks against.
     pub fn ok(values: Vec<f64>) -> Self {
         OutputRow { values, status: Status::Ok }
     }

@@ -8,7 +8,7 @@ use std::fmt::Write;
 pub struct RowTally {
     /// Rows in all.
     pub rows: usize,
-    /// Rows whose values are right within their errors.
+    /// Rows whose values nothing speaks against.
     pub ok: usize,
     /// Rows that leave some value open.
     pub undetermined: usize,

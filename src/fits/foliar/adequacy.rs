@@ -20,8 +20,8 @@ pub(super) enum Stated {
 const PRECISION: f64 = 1e-4;
 /// What exact readings may be off by: cells often have three digits.
 const ROUNDED: f64 = 1e-3;
-/// Six readings a leaf in three bands leave .013 over the leaves of LOPEX93 and ANGERS (docs/foliar.md). A leaf that
-/// leaves five times as much is none of this kind.
+/// Six readings a leaf in three bands leave .013 over the leaves of LOPEX93 and ANGERS (docs/evidence/foliar.md). A
+/// leaf that leaves five times as much is none of this kind.
 const NO_LEAF: f64 = 0.066;
 
 /// Judges the residuals of a fit. They are divided by `sigma`; `jacobian` is that of the solver.

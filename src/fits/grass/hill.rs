@@ -148,8 +148,8 @@ mod tests {
     /// The share of the sun's light that reaches the ground of a steep slope, by rays past the blades themselves,
     /// each of which stands upright on the hill with its foot. No slice and no shear is in this computation. The
     /// slope is 0.6 at the distance of the radius from the top, where it also changes least. The limit is the error
-    /// that docs/grass.md states for the coverage in the worst direction (0.034), and four standard errors of the
-    /// rays.
+    /// that docs/evidence/grass.md states for the coverage in the worst direction (0.034), and four standard errors of
+    /// the rays.
     #[test]
     fn the_sun_reaches_the_ground_of_a_slope_as_rays_past_blades_say() {
         let (plant, meadow) = thin();

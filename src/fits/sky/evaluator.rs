@@ -13,13 +13,13 @@ use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum SkyFitSource {
-    /// The fitted polynomials, 1e-5.
+    /// The fitted polynomials.
     #[default]
     #[strum(to_string = "fit", serialize = "fine")]
     Fit,
-    /// Half the size, 1e-4.
+    /// Fitted polynomials of two thirds of the size, with about three times the error.
     Compact,
-    /// Integrated, 1e-9.
+    /// Integrated.
     Direct,
     /// Chebyshev polynomials of Preetham as a black box.
     Chebyshev,

@@ -36,10 +36,10 @@ use strum::{Display, EnumIter, EnumMessage, EnumString, IntoStaticStr};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Display, EnumString, EnumIter, IntoStaticStr, EnumMessage)]
 #[strum(serialize_all = "kebab-case")]
 pub enum SkyFitMethod {
-    /// Everything with a closed form folded out, a staircase of 124 terms: the 1e-5 tier.
+    /// Everything with a closed form folded out, a staircase of 124 terms: the smallest error.
     #[default]
     Fine,
-    /// As `fine` with 80 terms: the 1e-4 tier.
+    /// As `fine` with 80 terms: two thirds of the bytes, and about three times the error.
     Compact,
     /// Degree (13, 7) in scaled Chebyshev polynomials at 24 × 12 Chebyshev nodes.
     Chebyshev,

@@ -18,8 +18,8 @@ fn fitted(method: SkyFitMethod) -> SkyFit {
 
 #[test]
 fn the_two_tiers_meet_their_targets_in_f32() {
-    // docs/fits.md and docs/sky.md say 1.1e-5 in 26,880 bytes and 4.1e-6 in 41,664 bytes. An error a fifth larger would
-    // mean another fit.
+    // docs/evidence/sky.md says 1.1e-5 in 26,880 bytes and 4.1e-6 in 41,664 bytes. An error a fifth larger would mean
+    // another fit.
     for (method, target, bytes) in [(SkyFitMethod::Compact, 1.3e-5, 26_880), (SkyFitMethod::Fine, 4.9e-6, 41_664)] {
         let fit = fitted(method);
         let form = fit.form.unwrap();

@@ -18,7 +18,8 @@ use std::sync::{Arc, mpsc};
 /// The file of all maps.
 pub const SUN: &str = "sun.visibility";
 
-/// Number of points that represent the sun's disk. Their mean has an error of .013 in penumbras (docs/visibility.md).
+/// Number of points that represent the sun's disk. Their mean has an error of .013 in penumbras
+/// (docs/evidence/visibility.md).
 const POINTS: usize = 64;
 /// Edges of wood may be longer than those of leaves by this factor, because wood is a small part of the picture.
 const WOOD: f64 = 4.0;

@@ -2,7 +2,7 @@
 //!
 //! Both models follow a path against the light as if it went with the light: what comes from the viewer is scattered,
 //! and lights are looked for where it goes. This is right for reciprocal surfaces. The layered leaf is not quite
-//! reciprocal (`docs/foliar.md` gives the error), and FSM's rule for direct light makes the same assumption.
+//! reciprocal (`docs/evidence/foliar.md` gives the error), and FSM's rule for direct light makes the same assumption.
 //!
 //! - [`FoliarModel::Fsm`]: a table gives the shares of the light for each side and degree, and lobes give the
 //!   directions. Light that is reflected at the face, and light that turned back before it reached the mesophyll, goes

@@ -44,7 +44,8 @@ mod tests {
         assert!((picture.width, picture.height) == (2, 2) && picture.ldr[1][0].abs_diff(220) <= 1, "{:?}", picture.ldr);
     }
 
-    /// The stated error of sunlit slices at the worst elevation: the root mean square over azimuths (docs/grass.md).
+    /// The stated error of sunlit slices at the worst elevation: the root mean square over azimuths
+    /// (docs/evidence/grass.md).
     const STATED: f64 = 0.23;
 
     /// The limits of the committed scenes of lawns are compared with theory. Grass whose brightness is wrong by twice
@@ -72,7 +73,7 @@ mod tests {
                 let limits = [view.flip_p99, view.max_error].map(Option::unwrap);
                 for (k, what) in ["flip_p99", "max_error"].into_iter().enumerate() {
                     let told = format!("{name}, {}: {what} = {}", view.name, limits[k]);
-                    // Slices do not shade the foot of the stone, which has a limit of its own (docs/grass.md).
+                    // Slices do not shade the foot of the stone, which has a limit of its own (docs/evidence/grass.md).
                     assert!(
                         limits[k] <= twice[0][k].min(twice[1][k]) || (name, what) == ("stone", "max_error"),
                         "{told}"

@@ -1,9 +1,9 @@
-//! Which lobe suits real leaves: the figures and the picture of `docs/lobes.md`, made from goniometer scans by `fit
-//! gloss --samples`.
+//! Which lobe suits real leaves: the figures and the picture of `docs/evidence/lobes.md`, made from goniometer scans by
+//! `fit gloss --samples`.
 //!
 //! With `MESOPHYLL_DATA`, the page's figures are computed again and must be the printed ones. With
 //! `MESOPHYLL_WRITE_DOCS=1` as well, the page's table and `docs/lobes.svg` are written again: `MESOPHYLL_WRITE_DOCS=1
-//! cargo test --release --test lobes`.
+//! cargo test --release --test models lobes`.
 
 mod picture;
 
@@ -186,15 +186,15 @@ fn the_page_s_figures_are_what_the_data_say() {
     let now = figures(&leaves);
     println!("{now}");
     let docs = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs");
-    let page = std::fs::read_to_string(docs.join("lobes.md")).unwrap();
+    let page = std::fs::read_to_string(docs.join("evidence/lobes.md")).unwrap();
     let (head, rest) = page.split_once(BEGIN).expect("a mark where the figures begin");
     let (printed, tail) = rest.split_once(END).expect("a mark where the figures end");
     if std::env::var_os("MESOPHYLL_WRITE_DOCS").is_some() {
-        std::fs::write(docs.join("lobes.md"), format!("{head}{BEGIN}{now}{END}{tail}")).unwrap();
+        std::fs::write(docs.join("evidence/lobes.md"), format!("{head}{BEGIN}{now}{END}{tail}")).unwrap();
         std::fs::write(docs.join("lobes.svg"), picture::draw(&leaves)).unwrap();
         return;
     }
-    assert!(agree(printed, &now), "docs/lobes.md prints\n{printed}\nbut the data say\n{now}");
+    assert!(agree(printed, &now), "docs/evidence/lobes.md prints\n{printed}\nbut the data say\n{now}");
 }
 
 #[test]
@@ -231,7 +231,7 @@ fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
     }
 }
 
-/// `docs/lobes.md` lists the files to change for a new lobe. They are the files that name a lobe, except the list of
+/// `docs/adding.md` lists the files to change for a new lobe. They are the files that name a lobe, except the list of
 /// lobes that the tube's lanes know.
 #[test]
 fn few_files_name_a_lobe() {
@@ -247,7 +247,7 @@ fn few_files_name_a_lobe() {
         .map(|p| p.strip_prefix(root).unwrap().to_string_lossy().replace('\\', "/"))
         .collect();
     found.sort();
-    let page = std::fs::read_to_string(root.join("docs/lobes.md")).unwrap();
+    let page = std::fs::read_to_string(root.join("docs/adding.md")).unwrap();
     assert!(found.iter().all(|f| page.contains(f.as_str())), "{found:?}");
     assert_eq!(
         found,

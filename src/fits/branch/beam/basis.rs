@@ -192,7 +192,7 @@ mod tests {
 
     #[test]
     fn four_smooth_coefficients_stay_within_the_stated_share_of_the_tip() {
-        // docs/fits.md says .35 % over all tapers; the last digit is rounded.
+        // docs/evidence/speed.md says .35 % over all tapers; the last digit is rounded.
         let (smooth, fit) = smooth();
         let (worst, at) = fit.worst();
         println!(
@@ -239,7 +239,7 @@ mod tests {
             }
         }
         println!("worst length error {:.1e} (α = {:.1e}, tip {} L)", worst.0, worst.1, worst.2);
-        // docs/fits.md says .013 %.
+        // docs/evidence/speed.md says .013 %.
         assert!(worst.0 < 1.4e-4);
     }
 
@@ -304,7 +304,8 @@ mod tests {
     }
 
     /// Without a step of Newton's method, a point lies on the bent curve at the place along it that H9 Eq. 4.11 gives.
-    /// The lengths of the simplified motion are kept as well as `docs/plants.md` says. They are summed over a polygon.
+    /// The lengths of the simplified motion are kept as well as `docs/evidence/plants.md` says. They are summed over a
+    /// polygon.
     #[test]
     fn the_closed_form_keeps_lengths_of_small_bends() {
         for (tip, allowed) in [(0.1, 0.006), (0.5, 0.07)] {

@@ -90,8 +90,8 @@ fn more_nodes_change_nothing() {
                 }
                 let e =
                     off(&direct(&sky, bands), &ProjectionRule::new(s, bands, ProjectionQuality::Checked).project(&sky));
-                // docs/fits.md says 2e-11 of the mean for the seven bands of the fits; it is reached where a low sun's
-                // rule begins.
+                // docs/evidence/sky.md says 2e-11 of the mean for the seven bands of the fits; it is reached where
+                // a low sun's rule begins.
                 assert!(e < if bands == 7 { 2e-11 } else { 1e-10 }, "θs {s} τ {t} N {bands}: {e:.1e}");
             }
         }

@@ -20,8 +20,9 @@ variable ``RAYON_NUM_THREADS``, set before the first import, limits the number o
 command line ``mesophyll``, digit by digit.
 
 A result is a :class:`Result`: a dictionary of arrays whose entries are attributes too. Its ``status`` says of every
-element ``"ok"`` (right within the printed errors, each below 10 %), ``"undetermined: ..."`` (the best estimate, and
-what it leaves open) or ``"refused: ..."`` (no numbers, and why); ``result.ok`` is the mask of the good ones.
+element ``"ok"`` (nothing speaks against the model, and each error is below 10 %), ``"undetermined: ..."`` (the best
+estimate, and what it leaves open) or ``"refused: ..."`` (no numbers, and why); ``result.ok`` is the mask of the good
+ones.
 
 Errors are ``ValueError`` for arguments and for files that do not say what they should, ``OSError`` for files that
 are not there, may not be opened or cannot be written, ``RuntimeError`` for a fit that as a whole failed.
