@@ -5,6 +5,7 @@
 pub mod chebyshev;
 pub mod error;
 pub mod fourier;
+pub mod lanes;
 pub mod number;
 pub mod processor;
 pub mod quadrature;

@@ -3,6 +3,12 @@
 
 #![warn(missing_docs)]
 
+use std::sync::LazyLock;
+
+/// The environment variable that names the largest set to use, so that a program can be tested and timed as it runs on
+/// a smaller processor.
+pub const SWITCH: &str = "MESOPHYLL_INSTRUCTIONS";
+
 /// Vector instructions of the processor. A later set includes the earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum InstructionSet {
@@ -18,9 +24,23 @@ impl InstructionSet {
     /// Every set, the smallest first.
     pub const ALL: [InstructionSet; 3] = [InstructionSet::Plain, InstructionSet::Avx2, InstructionSet::Avx512];
 
-    /// The largest set that this processor has.
+    /// The largest set that this processor has, or that [`SWITCH`] leaves of it.
     #[inline]
     pub fn detect() -> InstructionSet {
+        static FOUND: LazyLock<InstructionSet> = LazyLock::new(|| {
+            let all = InstructionSet::of_processor();
+            let named = std::env::var(SWITCH).ok().and_then(|name| InstructionSet::named(&name));
+            named.map_or(all, |limit| limit.min(all))
+        });
+        *FOUND
+    }
+
+    /// The set of this name: `plain`, `avx2` or `avx512`.
+    pub fn named(name: &str) -> Option<InstructionSet> {
+        InstructionSet::ALL.into_iter().find(|set| format!("{set:?}").eq_ignore_ascii_case(name))
+    }
+
+    fn of_processor() -> InstructionSet {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1") {
             return if is_x86_feature_detected!("avx512f") { InstructionSet::Avx512 } else { InstructionSet::Avx2 };
