@@ -5,7 +5,6 @@
 //! [`crate::solvers::qr::MatrixScalar`] may have more digits than `f64`, and proofs add elementary functions to it
 //! (`PreciseReal`); the optics' `Scalar` may be complex or carry derivatives, so it has no order and no nearest `f64`.
 
-use crate::lanes::Lanes;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
@@ -26,9 +25,9 @@ pub trait FloatingPoint: Arithmetic + AddAssign + PartialOrd + Debug + Default +
     fn of(value: f64) -> Self;
     /// The same number in double precision.
     fn wide(self) -> f64;
-    /// self · b + c, with one rounding where `L` is of processors that have the instruction: on others it is a slow
-    /// call.
-    fn fma<L: Lanes>(self, b: Self, c: Self) -> Self;
+    /// self · b + c; fused if `FUSED` is set (only for processors that have the instruction: on others it is a slow
+    /// call).
+    fn fma<const FUSED: bool>(self, b: Self, c: Self) -> Self;
     /// The square root.
     fn sqrt(self) -> Self;
     /// e to this power.
@@ -68,8 +67,8 @@ macro_rules! floating_point {
                 f64::from(self)
             }
             #[inline(always)]
-            fn fma<L: Lanes>(self, b: Self, c: Self) -> Self {
-                if L::FUSED { self.mul_add(b, c) } else { self * b + c }
+            fn fma<const FUSED: bool>(self, b: Self, c: Self) -> Self {
+                if FUSED { self.mul_add(b, c) } else { self * b + c }
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
@@ -107,6 +106,8 @@ mod tests {
             (number.exp().wide(), wide.exp()),
             (number.ln().wide(), wide.ln()),
             ((-number).abs().wide(), wide),
+            (number.fma::<false>(number, T::one()).wide(), wide * wide + 1.0),
+            (number.fma::<true>(number, T::one()).wide(), wide * wide + 1.0),
         ]
         .map(|(found, want)| (found - want).abs() / want.abs().max(1.0))
         .into_iter()

@@ -24,20 +24,30 @@ impl InstructionSet {
     /// Every set, the smallest first.
     pub const ALL: [InstructionSet; 3] = [InstructionSet::Plain, InstructionSet::Avx2, InstructionSet::Avx512];
 
+    /// Their names, for [`SWITCH`].
+    pub const NAMES: [&str; 3] = ["plain", "avx2", "avx512"];
+
     /// The largest set that this processor has, or that [`SWITCH`] leaves of it.
     #[inline]
     pub fn detect() -> InstructionSet {
         static FOUND: LazyLock<InstructionSet> = LazyLock::new(|| {
             let all = InstructionSet::of_processor();
-            let named = std::env::var(SWITCH).ok().and_then(|name| InstructionSet::named(&name));
-            named.map_or(all, |limit| limit.min(all))
+            InstructionSet::limit().ok().flatten().map_or(all, |limit| limit.min(all))
         });
         *FOUND
     }
 
-    /// The set of this name: `plain`, `avx2` or `avx512`.
-    pub fn named(name: &str) -> Option<InstructionSet> {
-        InstructionSet::ALL.into_iter().find(|set| format!("{set:?}").eq_ignore_ascii_case(name))
+    /// The set that [`SWITCH`] names, if it is set.
+    ///
+    /// # Errors
+    /// What it says, where that is none of [`InstructionSet::NAMES`]. [`InstructionSet::detect`] then has no limit.
+    pub fn limit() -> Result<Option<InstructionSet>, String> {
+        std::env::var_os(SWITCH).map(|name| InstructionSet::named(&name.to_string_lossy())).transpose()
+    }
+
+    fn named(name: &str) -> Result<InstructionSet, String> {
+        let at = InstructionSet::NAMES.iter().position(|n| *n == name);
+        at.map(|k| InstructionSet::ALL[k]).ok_or_else(|| name.into())
     }
 
     fn of_processor() -> InstructionSet {
@@ -56,5 +66,16 @@ impl InstructionSet {
     /// This set if the processor has it, otherwise the largest one that it has.
     pub fn or_less(self) -> InstructionSet {
         self.min(InstructionSet::detect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_have_names() {
+        assert_eq!(InstructionSet::NAMES.map(InstructionSet::named), InstructionSet::ALL.map(Ok));
+        assert_eq!(InstructionSet::named("sse"), Err("sse".into()));
     }
 }

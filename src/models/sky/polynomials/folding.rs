@@ -316,8 +316,14 @@ fn finish<L: Lanes, T: FloatingPoint>(
     }
     for (e, place) in places.iter().enumerate() {
         let s = [sums[e], sums[each + e], sums[2 * each + e]];
-        out[*place] = matrix.map(|row| row[2].fma::<L>(s[2], row[1].fma::<L>(s[1], row[0] * s[0])));
+        out[*place] = matrix.map(|row| fma::<L, T>(row[2], s[2], fma::<L, T>(row[1], s[1], row[0] * s[0])));
     }
+}
+
+/// a · b + c, as [`Lanes::fma`] rounds.
+#[inline(always)]
+fn fma<L: Lanes, T: FloatingPoint>(a: T, b: T, c: T) -> T {
+    if L::FUSED { a.fma::<true>(b, c) } else { a.fma::<false>(b, c) }
 }
 
 #[inline(always)]
@@ -335,7 +341,7 @@ fn block<L: Lanes, T: FloatingPoint, const W: usize>(
         let f = factor(k);
         let row = &row[start..start + W];
         for (a, x) in acc.iter_mut().zip(row) {
-            *a = f.fma::<L>(*x, *a);
+            *a = fma::<L, T>(f, *x, *a);
         }
     }
     sums[start..start + W].copy_from_slice(&acc);
