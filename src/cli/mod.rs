@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 use clap::{Parser, Subcommand};
+use mesophyll_base::processor::{self, InstructionSet};
 use mesophyll_files::progress;
 use std::process::ExitCode;
 
@@ -196,6 +197,8 @@ fn workers(common: &CommonArgs) -> Result<()> {
 
 /// Does the verb. One that seldom looks for a stop is left at once after Ctrl-C.
 fn carried_out(cli: Cli) -> Result<u8> {
+    InstructionSet::limit()
+        .map_err(|found| Error::argument(processor::SWITCH, found, InstructionSet::NAMES.join(", ")))?;
     workers(&cli.common)?;
     if !matches!(cli.verb, Verb::Report(_) | Verb::Bench(_) | Verb::Stress(_)) {
         return dispatch(&cli);

@@ -116,3 +116,26 @@ fn a_stop_ends_long_tables_within_a_second() {
         assert!(clock.elapsed().as_secs_f64() < 1.0, "{words:?}: {:?}", clock.elapsed());
     }
 }
+
+#[test]
+fn a_processor_may_be_used_in_part() {
+    let table = |set: Option<&str>| {
+        let mut command = mesophyll();
+        command
+            .args(["eval", "slab", "--in", "data/tables/optics.csv"])
+            .envs(set.map(|s| ("MESOPHYLL_INSTRUCTIONS", s)));
+        command.output().unwrap()
+    };
+    let numbers = |output: Output| -> Vec<f64> {
+        let text = String::from_utf8(output.stdout).unwrap();
+        text.split([',', '\n']).filter_map(|cell| cell.parse().ok()).collect()
+    };
+    let all = numbers(table(None));
+    assert!(all.len() > 10, "{all:?}");
+    for set in ["plain", "avx2", "avx512"] {
+        let found = numbers(table(Some(set)));
+        let same = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-9 * b.abs();
+        assert!(found.len() == all.len() && found.iter().zip(&all).all(same), "{set}: {found:?}, expected {all:?}");
+    }
+    refused(&table(Some("sse")), 2, &["MESOPHYLL_INSTRUCTIONS", "sse", "plain, avx2, avx512"]);
+}

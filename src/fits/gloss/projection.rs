@@ -9,10 +9,10 @@
 
 #![allow(clippy::needless_range_loop)]
 
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::DoubleLanes;
 use mesophyll_base::processor::InstructionSet;
-use mesophyll_optics::dispatch_lanes;
 use mesophyll_optics::tube::evaluator::COLUMNS;
-use mesophyll_optics::tube::lanes::Lanes;
 
 /// Columns of a pass, as [`mesophyll_optics::tube::evaluator`] fills them: D for diffuse light, S for gloss, S_M =
 /// ∂S/∂m.
@@ -54,7 +54,7 @@ impl ChannelProjection {
         matte: bool,
     ) -> ChannelProjection {
         let (d, s) = (&columns[D][..], &columns[S][..]);
-        let sums = dispatch_lanes!(level, linear_sums(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]);
+        let sums = dispatch_lanes!(level, F64, linear_sums(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]);
         let mut c = ChannelProjection {
             dd: sums[0],
             ds: sums[1],
@@ -98,7 +98,7 @@ impl ChannelProjection {
     ) {
         let factors = [self.rho_s * m, self.rho_d, self.rho_s];
         let sums = dispatch_lanes!(
-            level,
+            level, F64,
             slope_sums(columns: &[Vec<f64>; COLUMNS], y: &[f64], w: &[f64], factors: [f64; 3],
                 tilts: usize) -> [[f64; 6]; NONLINEAR]
         );
@@ -136,7 +136,7 @@ impl ChannelProjection {
 }
 
 #[inline(always)]
-fn linear_sums<L: Lanes>(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6] {
+fn linear_sums<L: DoubleLanes>(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6] {
     let mut g = [L::splat(0.0); 6];
     for k in (0..y.len()).step_by(L::N) {
         let (d, s, y, w) = (L::load(&d[k..]), L::load(&s[k..]), L::load(&y[k..]), L::load(&w[k..]));
@@ -153,7 +153,7 @@ fn linear_sums<L: Lanes>(d: &[f64], s: &[f64], y: &[f64], w: &[f64]) -> [f64; 6]
 
 /// Row k: ⟨z_k, z_0…z_2⟩ (lower triangle), ⟨z_k, D⟩, ⟨z_k, S⟩, ⟨z_k, y⟩.
 #[inline(always)]
-fn slope_sums<L: Lanes>(
+fn slope_sums<L: DoubleLanes>(
     columns: &[Vec<f64>; COLUMNS],
     y: &[f64],
     w: &[f64],
@@ -201,12 +201,12 @@ pub fn weigh(
     w: &mut [f64],
 ) -> f64 {
     let (d, s) = (&columns[D][..], &columns[S][..]);
-    dispatch_lanes!(level, weigh_lanes(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y: &[f64], used: &[f64],
-        w: &mut [f64]) -> f64)
+    dispatch_lanes!(level, F64, weigh_lanes(d: &[f64], s: &[f64], rho: [f64; 2], noise: [f64; 3], y: &[f64],
+        used: &[f64], w: &mut [f64]) -> f64)
 }
 
 #[inline(always)]
-fn weigh_lanes<L: Lanes>(
+fn weigh_lanes<L: DoubleLanes>(
     d: &[f64],
     s: &[f64],
     rho: [f64; 2],
@@ -242,14 +242,14 @@ pub fn weigh_by_samples(
     sum: &mut [Vec<f64>; 2],
 ) {
     dispatch_lanes!(
-        level,
+        level, F64,
         sample_lanes(noise: [[f64; 3]; 3], y: &[Vec<f64>; 3], used: &[Vec<f64>; 3], w: &mut [Vec<f64>; 3],
             sum: &mut [Vec<f64>; 2])
     );
 }
 
 #[inline(always)]
-fn sample_lanes<L: Lanes>(
+fn sample_lanes<L: DoubleLanes>(
     noise: [[f64; 3]; 3],
     y: &[Vec<f64>; 3],
     used: &[Vec<f64>; 3],

@@ -5,9 +5,9 @@
 //! it is first used.
 
 use crate::gloss::{GlossFitDevice, normal_of};
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::{DoubleLanes, padded};
 use mesophyll_base::processor::InstructionSet;
-use mesophyll_optics::dispatch_lanes;
-use mesophyll_optics::tube::lanes::{Lanes, padded};
 use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 use std::sync::OnceLock;
 
@@ -150,7 +150,8 @@ impl TemplateBank {
         gains.clear();
         gains.resize(templates.len(), 0.0);
         let gains = &mut gains[..];
-        dispatch_lanes!(level, match_all(templates: &[Template], samples: &[f64], weights: &[f64], gains: &mut [f64]));
+        dispatch_lanes!(level, F64, match_all(templates: &[Template], samples: &[f64], weights: &[f64],
+            gains: &mut [f64]));
         for (t, gain) in templates.iter().zip(gains.iter()) {
             let start = GlossFitStart { m: t.m, tilt: t.tilt, cost: yy - gain };
             if found.len() < most || start.cost < found[found.len() - 1].cost {
@@ -176,7 +177,7 @@ fn slopes(fineness: f64) -> Vec<f64> {
 
 /// How much of Σ w y² each template explains with ρd ≥ 0 and ρs ≥ 0.
 #[inline(always)]
-fn match_all<L: Lanes>(templates: &[Template], samples: &[f64], weights: &[f64], gains: &mut [f64]) {
+fn match_all<L: DoubleLanes>(templates: &[Template], samples: &[f64], weights: &[f64], gains: &mut [f64]) {
     for (t, gain) in templates.iter().zip(gains) {
         let mut g = [L::splat(0.0); 5];
         for k in (0..samples.len()).step_by(L::N) {

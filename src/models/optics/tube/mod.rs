@@ -15,7 +15,6 @@
 
 pub mod arc;
 pub mod evaluator;
-pub mod lanes;
 
 use crate::gloss::Lobe;
 pub use arc::{ArcSums, TubeArc};

@@ -20,6 +20,8 @@ use crate::harmonics::HarmonicCoefficients;
 use crate::preetham::{self, PreethamTurbidity};
 use crate::{SkyRefusal, check};
 use mesophyll_base::chebyshev;
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::Lanes;
 use mesophyll_base::number::FloatingPoint;
 use mesophyll_base::processor::InstructionSet;
 use std::f64::consts::FRAC_PI_2;
@@ -157,43 +159,12 @@ impl<T: FloatingPoint> FoldedPolynomials<T> {
     /// Writes N² triples at l(l+1)+m; places of m < 0 are left as they are. Parameters are not checked
     /// ([`FoldedPolynomials::accepts`]).
     pub fn fill(&self, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
-        #[cfg(target_arch = "x86_64")]
-        if InstructionSet::detect() >= InstructionSet::Avx2 {
-            #[target_feature(enable = "avx2,fma")]
-            fn wide<T: FloatingPoint>(
-                this: &FoldedPolynomials<T>,
-                sun_zenith: f64,
-                turbidity: f64,
-                out: &mut [[T; 3]],
-            ) {
-                this.fill_with::<true>(sun_zenith, turbidity, out);
-            }
-            // SAFETY: this processor has the instruction set.
-            unsafe { wide(self, sun_zenith, turbidity, out) };
-            return;
-        }
-        self.fill_with::<false>(sun_zenith, turbidity, out);
-    }
-
-    #[inline(always)]
-    fn fill_with<const FUSED: bool>(&self, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
-        let (mut even, mut odd) = ([0.0; MOST_ROWS], [0.0; MOST_ROWS]);
-        let n = self.rows.len();
-        suns(sun_zenith, &mut even[..n], &mut odd[..n]);
-        let mut columns = [0.0; MOST_COLUMNS];
-        chebyshev::fill(scaled_turbidity(turbidity, self.turbidities), 0, 1, &mut columns);
-        let mut products = [[T::default(); 2]; MOST_ROWS * MOST_COLUMNS];
-        let mut terms = 0;
-        for (i, row) in self.rows.iter().enumerate() {
-            for column in &columns[..*row] {
-                products[terms] = [T::of(even[i] * column), T::of(odd[i] * column)];
-                terms += 1;
-            }
-        }
-        let matrix = self.mix.matrix(&PreethamTurbidity::new(turbidity), sun_zenith).map(|row| row.map(T::of));
-        let products = &products[..terms];
-        finish::<T, FUSED>(&self.even, |k| products[k][0], terms, &self.orders.even, &matrix, out);
-        finish::<T, FUSED>(&self.odd, |k| products[k][1], terms, &self.orders.odd, &matrix, out);
+        let sky = self;
+        dispatch_lanes!(
+            InstructionSet::detect(),
+            F32[][T: FloatingPoint],
+            fill(sky: &FoldedPolynomials<T>, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]])
+        );
     }
 
     /// The polynomials in θs alone that remain when the turbidity is fixed.
@@ -264,27 +235,43 @@ impl<T: FloatingPoint> FixedSky<T> {
 
     /// Writes N² triples at l(l+1)+m; places of m < 0 are left as they are. The sun is not checked.
     pub fn fill(&self, sun_zenith: f64, out: &mut [[T; 3]]) {
-        #[cfg(target_arch = "x86_64")]
-        if InstructionSet::detect() >= InstructionSet::Avx2 {
-            #[target_feature(enable = "avx2,fma")]
-            fn wide<T: FloatingPoint>(this: &FixedSky<T>, sun_zenith: f64, out: &mut [[T; 3]]) {
-                this.fill_with::<true>(sun_zenith, out);
-            }
-            // SAFETY: this processor has the instruction set.
-            unsafe { wide(self, sun_zenith, out) };
-            return;
-        }
-        self.fill_with::<false>(sun_zenith, out);
+        let sky = self;
+        dispatch_lanes!(
+            InstructionSet::detect(),
+            F32[][T: FloatingPoint],
+            fill_fixed(sky: &FixedSky<T>, sun_zenith: f64, out: &mut [[T; 3]])
+        );
     }
+}
 
-    #[inline(always)]
-    fn fill_with<const FUSED: bool>(&self, sun_zenith: f64, out: &mut [[T; 3]]) {
-        let (mut even, mut odd) = ([0.0; MOST_ROWS], [0.0; MOST_ROWS]);
-        suns(sun_zenith, &mut even[..self.rows], &mut odd[..self.rows]);
-        let matrix = self.mix.matrix(&self.turbid, sun_zenith).map(|row| row.map(T::of));
-        finish::<T, FUSED>(&self.even, |k| T::of(even[k]), self.rows, &self.orders.even, &matrix, out);
-        finish::<T, FUSED>(&self.odd, |k| T::of(odd[k]), self.rows, &self.orders.odd, &matrix, out);
+#[inline(always)]
+fn fill<L: Lanes, T: FloatingPoint>(sky: &FoldedPolynomials<T>, sun_zenith: f64, turbidity: f64, out: &mut [[T; 3]]) {
+    let (mut even, mut odd) = ([0.0; MOST_ROWS], [0.0; MOST_ROWS]);
+    let n = sky.rows.len();
+    suns(sun_zenith, &mut even[..n], &mut odd[..n]);
+    let mut columns = [0.0; MOST_COLUMNS];
+    chebyshev::fill(scaled_turbidity(turbidity, sky.turbidities), 0, 1, &mut columns);
+    let mut products = [[T::default(); 2]; MOST_ROWS * MOST_COLUMNS];
+    let mut terms = 0;
+    for (i, row) in sky.rows.iter().enumerate() {
+        for column in &columns[..*row] {
+            products[terms] = [T::of(even[i] * column), T::of(odd[i] * column)];
+            terms += 1;
+        }
     }
+    let matrix = sky.mix.matrix(&PreethamTurbidity::new(turbidity), sun_zenith).map(|row| row.map(T::of));
+    let products = &products[..terms];
+    finish::<L, T>(&sky.even, |k| products[k][0], terms, &sky.orders.even, &matrix, out);
+    finish::<L, T>(&sky.odd, |k| products[k][1], terms, &sky.orders.odd, &matrix, out);
+}
+
+#[inline(always)]
+fn fill_fixed<L: Lanes, T: FloatingPoint>(sky: &FixedSky<T>, sun_zenith: f64, out: &mut [[T; 3]]) {
+    let (mut even, mut odd) = ([0.0; MOST_ROWS], [0.0; MOST_ROWS]);
+    suns(sun_zenith, &mut even[..sky.rows], &mut odd[..sky.rows]);
+    let matrix = sky.mix.matrix(&sky.turbid, sun_zenith).map(|row| row.map(T::of));
+    finish::<L, T>(&sky.even, |k| T::of(even[k]), sky.rows, &sky.orders.even, &matrix, out);
+    finish::<L, T>(&sky.odd, |k| T::of(odd[k]), sky.rows, &sky.orders.odd, &matrix, out);
 }
 
 /// T_0, T_2, … and T_1, T_3, … of the sun's zenith angle over π/2.
@@ -300,7 +287,7 @@ const MOST_WIDTH: usize = 3 * 80;
 
 /// Sums `terms` rows of `from`, each times its factor, and writes the colours.
 #[inline(always)]
-fn finish<T: FloatingPoint, const FUSED: bool>(
+fn finish<L: Lanes, T: FloatingPoint>(
     from: &[T],
     factor: impl Fn(usize) -> T,
     terms: usize,
@@ -322,19 +309,25 @@ fn finish<T: FloatingPoint, const FUSED: bool>(
     let mut start = 0;
     while start < width {
         start += match width - start {
-            left if left >= 24 => block::<T, 24, FUSED>(from, &factor, terms, width, start, sums),
-            left if left >= 12 => block::<T, 12, FUSED>(from, &factor, terms, width, start, sums),
-            _ => block::<T, 1, FUSED>(from, &factor, terms, width, start, sums),
+            left if left >= 24 => block::<L, T, 24>(from, &factor, terms, width, start, sums),
+            left if left >= 12 => block::<L, T, 12>(from, &factor, terms, width, start, sums),
+            _ => block::<L, T, 1>(from, &factor, terms, width, start, sums),
         };
     }
     for (e, place) in places.iter().enumerate() {
         let s = [sums[e], sums[each + e], sums[2 * each + e]];
-        out[*place] = matrix.map(|row| row[2].fma::<FUSED>(s[2], row[1].fma::<FUSED>(s[1], row[0] * s[0])));
+        out[*place] = matrix.map(|row| fma::<L, T>(row[2], s[2], fma::<L, T>(row[1], s[1], row[0] * s[0])));
     }
 }
 
+/// a · b + c, as [`Lanes::fma`] rounds.
 #[inline(always)]
-fn block<T: FloatingPoint, const W: usize, const FUSED: bool>(
+fn fma<L: Lanes, T: FloatingPoint>(a: T, b: T, c: T) -> T {
+    if L::FUSED { a.fma::<true>(b, c) } else { a.fma::<false>(b, c) }
+}
+
+#[inline(always)]
+fn block<L: Lanes, T: FloatingPoint, const W: usize>(
     from: &[T],
     factor: &impl Fn(usize) -> T,
     terms: usize,
@@ -348,7 +341,7 @@ fn block<T: FloatingPoint, const W: usize, const FUSED: bool>(
         let f = factor(k);
         let row = &row[start..start + W];
         for (a, x) in acc.iter_mut().zip(row) {
-            *a = f.fma::<FUSED>(*x, *a);
+            *a = fma::<L, T>(f, *x, *a);
         }
     }
     sums[start..start + W].copy_from_slice(&acc);

@@ -7,8 +7,8 @@
 //! line of a packet or the number of an instance.
 
 use crate::rays::frame::{Bounds, Frame};
-use crate::rays::lanes::WIDTH;
 use crate::rays::wide_tree::{Child, wide};
+use mesophyll_base::lanes::WIDTH;
 
 /// Eight numbers, as their bits.
 pub(crate) type Row = [u32; WIDTH];

@@ -2,11 +2,12 @@
 
 use crate::rays::arena::Tree;
 use crate::rays::frame::Bounds;
-use crate::rays::lanes::{Lanes, dispatch};
 use crate::rays::ray::Ray;
 use crate::rays::shape::{Met, TriangleTree};
 use crate::rays::traversal::{Local, Visit, walk};
 use glam::{DAffine3, DMat4, DVec3};
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::SingleLanes;
 use mesophyll_base::processor::InstructionSet;
 
 /// A point where a ray hits a triangle.
@@ -130,7 +131,7 @@ impl InstanceForest {
     /// triangle is met for sure with t < limit.
     fn search<const ANY: bool, F: Found>(&self, ray: &Ray, limit: f64, found: &mut F) -> bool {
         let forest = self;
-        dispatch!(self.instructions, [ANY], [F: Found], search(forest: &InstanceForest, ray: &Ray, limit: f64,
+        dispatch_lanes!(self.instructions, F32[ANY][F: Found], search(forest: &InstanceForest, ray: &Ray, limit: f64,
             found: &mut F) -> bool)
     }
 }
@@ -180,7 +181,7 @@ impl Found for Any<'_> {
 }
 
 #[inline(always)]
-fn search<L: Lanes, const ANY: bool, F: Found>(
+fn search<L: SingleLanes, const ANY: bool, F: Found>(
     forest: &InstanceForest,
     ray: &Ray,
     mut limit: f64,
@@ -196,7 +197,7 @@ fn search<L: Lanes, const ANY: bool, F: Found>(
 
 /// Searches one instance.
 #[inline(always)]
-fn enter<L: Lanes, const ANY: bool, F: Found>(
+fn enter<L: SingleLanes, const ANY: bool, F: Found>(
     forest: &InstanceForest,
     k: usize,
     ray: &Ray,
@@ -215,7 +216,7 @@ struct Instances<'a, F, const ANY: bool> {
     found: &'a mut F,
 }
 
-impl<L: Lanes, F: Found, const ANY: bool> Visit<L> for Instances<'_, F, ANY> {
+impl<L: SingleLanes, F: Found, const ANY: bool> Visit<L> for Instances<'_, F, ANY> {
     #[inline(always)]
     fn leaf(&mut self, code: u32, local: &Local, near: f32, _: f32, limit: &mut f64) -> bool {
         enter::<L, ANY, F>(self.forest, code as usize, self.ray, local.t(near), limit, self.found)

@@ -25,7 +25,6 @@
 mod arena;
 mod forest;
 mod frame;
-mod lanes;
 mod neighbours;
 mod ray;
 mod ray_batch;
@@ -35,6 +34,6 @@ mod triangle;
 mod wide_tree;
 
 pub use forest::{InstanceForest, RayHit};
-pub use lanes::fetch;
+pub use mesophyll_base::lanes::fetch;
 pub use ray::Ray;
 pub use shape::TriangleTree;

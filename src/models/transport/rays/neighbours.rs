@@ -5,10 +5,11 @@
 
 use crate::rays::arena::{LEAF, NODE, Tree};
 use crate::rays::forest::{Accept, First, InstanceForest, RayHit};
-use crate::rays::lanes::{Lanes, WIDTH, dispatch, prefetch};
 use crate::rays::ray::Ray;
 use crate::rays::shape::{TriangleTree, Triangles, Tried};
-use crate::rays::traversal::{FARTHEST, Local, Visit, Waiting, back, next};
+use crate::rays::traversal::{FARTHEST, Local, Visit, back, next};
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::{SingleLanes, WIDTH, Waiting, prefetch};
 
 /// So many rays go together, one for each bit of a byte.
 const GROUP: usize = 8;
@@ -29,7 +30,7 @@ impl InstanceForest {
 
     fn in_groups(&self, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
         let forest = self;
-        dispatch!(self.instructions, [], [],
+        dispatch_lanes!(self.instructions, F32,
             follow(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) -> ());
     }
 }
@@ -88,7 +89,7 @@ trait VisitTogether<L> {
 }
 
 #[inline(always)]
-fn follow<L: Lanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
+fn follow<L: SingleLanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
     for (rays, hits) in rays.chunks(GROUP).zip(hits.chunks_mut(GROUP)) {
         let who = ((1u32 << rays.len()) - 1) as Who;
         // A group that is not full repeats its last ray, which no bit of `who` names.
@@ -113,7 +114,7 @@ fn follow<L: Lanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, h
 
 /// Searches one instance for the rays `who`.
 #[inline(always)]
-fn enter<L: Lanes>(
+fn enter<L: SingleLanes>(
     forest: &InstanceForest,
     instance: usize,
     rays: &[Ray; GROUP],
@@ -145,7 +146,7 @@ struct Packets<'t, 'a> {
     found: &'t mut [Found<'a>; GROUP],
 }
 
-impl<L: Lanes> VisitTogether<L> for Packets<'_, '_> {
+impl<L: SingleLanes> VisitTogether<L> for Packets<'_, '_> {
     #[inline(always)]
     fn leaf(&mut self, code: u32, near: f32, who: Who, group: &mut Group) {
         for k in each(who) {
@@ -169,7 +170,7 @@ struct Instances<'t, 'a> {
     found: &'t mut [Found<'a>; GROUP],
 }
 
-impl<L: Lanes> VisitTogether<L> for Instances<'_, '_> {
+impl<L: SingleLanes> VisitTogether<L> for Instances<'_, '_> {
     #[inline(always)]
     fn leaf(&mut self, code: u32, near: f32, who: Who, group: &mut Group) {
         let mut from = [0.0; GROUP];
@@ -184,7 +185,7 @@ const FEW: usize = 72;
 
 /// Visits the leaves whose boxes any ray of the group meets before its limit, near ones first.
 #[inline(always)]
-fn walk<L: Lanes, V: VisitTogether<L>>(tree: &Tree, mut group: Group, visitor: &mut V) {
+fn walk<L: SingleLanes, V: VisitTogether<L>>(tree: &Tree, mut group: Group, visitor: &mut V) {
     if group.who == 0 {
         return;
     }
@@ -212,7 +213,7 @@ fn walk<L: Lanes, V: VisitTogether<L>>(tree: &Tree, mut group: Group, visitor: &
 
 /// Lets a node's children that any of the rays `who` meets wait, the nearest on top, and notes which rays meet them.
 #[inline(always)]
-fn descend<L: Lanes>(
+fn descend<L: SingleLanes>(
     tree: &Tree,
     group: &Group,
     code: u32,
@@ -225,8 +226,8 @@ fn descend<L: Lanes>(
     let (mut nearest, mut met) = (L::splat(f32::INFINITY), [0; GROUP]);
     for k in each(who) {
         let [near, far] = group.locals[k].boxes::<L>(node, L::splat(group.s[k]));
-        met[k] = near.at_most(far) as u8;
-        nearest = nearest.min(near.or_infinite(far));
+        met[k] = L::bits(near.at_most(far)) as u8;
+        nearest = nearest.min(near.or(near.at_most(far), L::splat(f32::INFINITY)));
     }
     // Byte k holds the children that ray k meets. The rays that meet a child are the bits of its column.
     let met = u64::from_le_bytes(met);

@@ -6,11 +6,12 @@
 
 use crate::rays::arena::{LEAF, Line, Tree};
 use crate::rays::forest::{Accept, First, InstanceForest, RayHit};
-use crate::rays::lanes::{Lanes, dispatch, prefetch};
 use crate::rays::ray::Ray;
 use crate::rays::shape::{TriangleTree, Triangles, Tried};
-use crate::rays::traversal::{Local, Visit, Waiting, back, descend_without_branches};
+use crate::rays::traversal::{Local, Visit, back, descend_without_branches};
 use crate::rays::triangle::PACKET;
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::{SingleLanes, Waiting, prefetch};
 
 /// So many rays take turns: as many steps of other rays take about as long as the memory to answer.
 const TURNS: usize = 16;
@@ -34,7 +35,7 @@ impl InstanceForest {
 
     fn in_turn(&self, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
         let forest = self;
-        dispatch!(self.instructions, [], [],
+        dispatch_lanes!(self.instructions, F32,
             follow(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) -> ());
     }
 }
@@ -99,7 +100,7 @@ fn alike(rays: &[Ray]) -> Vec<usize> {
 }
 
 #[inline(always)]
-fn follow<L: Lanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
+fn follow<L: SingleLanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
     let deepest = forest.shapes.iter().map(|shape| shape.tree.waiting).max().unwrap_or(0);
     let most = forest.tree.waiting + deepest;
     let mut waiting = vec![Waiting::default(); TURNS * most];
@@ -210,7 +211,7 @@ impl<'a> Walker<'a> {
 
     /// A node or a leaf; false when the walk is over.
     #[inline(always)]
-    fn step<L: Lanes, const AT_LEAF: bool>(
+    fn step<L: SingleLanes, const AT_LEAF: bool>(
         &mut self,
         forest: &'a InstanceForest,
         rays: &[Ray],

@@ -3,11 +3,11 @@
 use crate::rays::arena::Tree;
 use crate::rays::forest::Found;
 use crate::rays::frame::Bounds;
-use crate::rays::lanes::{Lanes, WIDTH, prefetch};
 use crate::rays::ray::Ray;
 use crate::rays::traversal::{Local, Visit, next, walk};
 use crate::rays::triangle::{Candidates, PACKET, SOLID, Sheared, Triangle, candidates, pack};
 use glam::DVec3;
+use mesophyll_base::lanes::{SingleLanes, WIDTH, prefetch};
 
 /// A leaf's triangles in the leaf's own coordinates, with a tree of boxes.
 #[derive(Debug, Clone)]
@@ -66,7 +66,7 @@ impl TriangleTree {
     /// ends the search by returning true. Nothing is met before `from`. Where `ANY` is set the search also ends,
     /// without a word, at a solid triangle that is met for sure with t < limit.
     #[inline(always)]
-    pub(crate) fn meet<L: Lanes, const ANY: bool, F: Found>(
+    pub(crate) fn meet<L: SingleLanes, const ANY: bool, F: Found>(
         &self,
         ray: &Ray,
         from: f64,
@@ -166,7 +166,7 @@ pub(crate) struct Triangles<'a, F, const ANY: bool> {
     pub found: &'a mut F,
 }
 
-impl<L: Lanes, F: Found, const ANY: bool> Visit<L> for Triangles<'_, F, ANY> {
+impl<L: SingleLanes, F: Found, const ANY: bool> Visit<L> for Triangles<'_, F, ANY> {
     #[inline(always)]
     fn leaf(&mut self, code: u32, local: &Local, _near: f32, s: f32, limit: &mut f64) -> bool {
         let Triangles { shape, instance, tried, found } = self;
@@ -177,14 +177,15 @@ impl<L: Lanes, F: Found, const ANY: bool> Visit<L> for Triangles<'_, F, ANY> {
         else {
             return false;
         };
-        let solid = L::load(ids).signs();
+        let solid = L::from_bits(ids).signs();
         if ANY && solid & within != 0 {
             return true;
         }
         let mut later = solid & sure;
         if later != 0 {
             lanes &= !later;
-            let farthest = farthest.store();
+            let mut ends = [0.0; WIDTH];
+            farthest.store(&mut ends);
             while later != 0 {
                 let lane = next(&mut later);
                 if tried.waiting == LATER && tried.decide(shape, *instance, limit, *found) {
@@ -194,7 +195,7 @@ impl<L: Lanes, F: Found, const ANY: bool> Visit<L> for Triangles<'_, F, ANY> {
                 tried.later[tried.waiting & (LATER - 1)] = id;
                 tried.waiting += 1;
                 prefetch::<2, _>(shape.triangles.as_ptr().wrapping_add((id & !SOLID) as usize));
-                *limit = limit.min(local.t(farthest[lane]));
+                *limit = limit.min(local.t(ends[lane]));
             }
         }
         while lanes != 0 {

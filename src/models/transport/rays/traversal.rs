@@ -2,10 +2,10 @@
 
 use crate::rays::arena::{LEAF, Line, NODE, Tree};
 use crate::rays::frame::{Bounds, Frame};
-use crate::rays::lanes::{Lanes, prefetch};
 use crate::rays::ray::Ray;
 use crate::rays::triangle::Tolerance;
 use glam::DVec3;
+use mesophyll_base::lanes::{SingleLanes, WIDTH, Waiting, prefetch};
 
 /// Half the distance between neighbouring f32 near 1.
 const U: f32 = 1.0 / (1 << 24) as f32;
@@ -112,7 +112,7 @@ impl Local {
     /// For each of a node's boxes the s where the ray enters it, and where it leaves it or comes to the given s. It
     /// misses a box that it would leave before it enters.
     #[inline(always)]
-    pub fn boxes<L: Lanes>(&self, node: &[Line; NODE], s: L) -> [L; 2] {
+    pub fn boxes<L: SingleLanes>(&self, node: &[Line; NODE], s: L) -> [L; 2] {
         let [x, y, z] = self.first;
         let near = self
             .enter::<L>(node, 0, x)
@@ -123,13 +123,13 @@ impl Local {
     }
 
     #[inline(always)]
-    fn enter<L: Lanes>(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
-        L::load(&node[axis].0[side & 1]).mul_sub(L::splat(self.inverse[axis]), L::splat(self.entering[axis]))
+    fn enter<L: SingleLanes>(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
+        L::from_bits(&node[axis].0[side & 1]).fms(L::splat(self.inverse[axis]), L::splat(self.entering[axis]))
     }
 
     #[inline(always)]
-    fn leave<L: Lanes>(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
-        L::load(&node[axis].0[side & 1 ^ 1]).mul_sub(L::splat(self.inverse[axis]), L::splat(self.leaving[axis]))
+    fn leave<L: SingleLanes>(&self, node: &[Line; NODE], axis: usize, side: usize) -> L {
+        L::from_bits(&node[axis].0[side & 1 ^ 1]).fms(L::splat(self.inverse[axis]), L::splat(self.leaving[axis]))
     }
 }
 
@@ -159,14 +159,6 @@ pub(crate) trait Visit<L> {
     fn leaf(&mut self, code: u32, local: &Local, near: f32, s: f32, limit: &mut f64) -> bool;
 }
 
-/// A child that waits to be visited: its code, and the s where the ray enters its box, or a little less.
-#[derive(Debug, Clone, Copy, Default)]
-#[repr(C)]
-pub(crate) struct Waiting {
-    pub code: u32,
-    pub near: f32,
-}
-
 /// Sizes of the arrays of waiting children that fit on the stack: enough for trees of 9 and of 18 levels. A smaller
 /// array is cleared faster, which every ray has to do.
 const FEW: usize = 72;
@@ -175,7 +167,7 @@ const USUAL: usize = 136;
 /// Visits the leaves whose boxes the ray meets before `limit`, near ones first, or with `ANY` in no certain order. True
 /// when a visit ended it.
 #[inline(always)]
-pub(crate) fn walk<L: Lanes, const ANY: bool, V: Visit<L>>(
+pub(crate) fn walk<L: SingleLanes, const ANY: bool, V: Visit<L>>(
     tree: &Tree,
     ray: &Local,
     limit: &mut f64,
@@ -204,7 +196,7 @@ pub(crate) fn next(hits: &mut u32) -> usize {
 }
 
 #[inline(always)]
-fn walk_with<L: Lanes, const ANY: bool, V: Visit<L>>(
+fn walk_with<L: SingleLanes, const ANY: bool, V: Visit<L>>(
     tree: &Tree,
     ray: &Local,
     limit: &mut f64,
@@ -245,7 +237,7 @@ fn walk_with<L: Lanes, const ANY: bool, V: Visit<L>>(
 /// processor guesses a branch wrongly, it throws away what it has begun, also of other rays. So nothing here branches;
 /// [`descend`] does, and is faster for rays that follow each other closely.
 #[inline(always)]
-pub(crate) fn descend_without_branches<L: Lanes>(
+pub(crate) fn descend_without_branches<L: SingleLanes>(
     tree: &Tree,
     ray: &Local,
     code: u32,
@@ -264,7 +256,7 @@ pub(crate) fn descend_without_branches<L: Lanes>(
 /// `ANY` they come as they lie: whatever is met ends the search, and their order costs more than it saves. The memory
 /// is asked for all of them where there are several.
 #[inline(always)]
-fn descend<L: Lanes, const ANY: bool>(
+fn descend<L: SingleLanes, const ANY: bool>(
     tree: &Tree,
     ray: &Local,
     code: u32,
@@ -275,12 +267,13 @@ fn descend<L: Lanes, const ANY: bool>(
     let fetch = |code: u32| prefetch::<NODE, _>(tree.lines.as_ptr().wrapping_add((code & !LEAF) as usize));
     let node = tree.node(code);
     let [near, far] = ray.boxes::<L>(node, L::splat(s));
-    let mut hits = near.at_most(far);
+    let mut hits = L::bits(near.at_most(far));
     if hits == 0 {
         return None;
     }
-    let (codes, near) = (&node[3].0[0], near.store());
-    let child = |lane: usize| Waiting { code: codes[lane], near: near[lane] };
+    let (codes, mut entered) = (&node[3].0[0], [0.0; WIDTH]);
+    near.store(&mut entered);
+    let child = |lane: usize| Waiting { code: codes[lane], near: entered[lane] };
     let first = child(next(&mut hits));
     if hits == 0 {
         return Some(first);

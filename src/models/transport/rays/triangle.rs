@@ -3,10 +3,10 @@
 
 use crate::rays::arena::{EMPTY, Line, Row};
 use crate::rays::frame::Frame;
-use crate::rays::lanes::{Lanes, WIDTH};
 use crate::rays::ray::Ray;
 use crate::rays::traversal::Local;
 use glam::DVec3;
+use mesophyll_base::lanes::{SingleLanes, WIDTH};
 
 /// The three corners of a triangle.
 pub(crate) type Triangle = [[f64; 3]; 3];
@@ -169,7 +169,7 @@ pub(crate) struct Candidates<'a, L> {
 /// certain that a hit lies before the limit, it is compared with limit (1 − 32 u) − 8 u. This is less than x by at
 /// least 13 u x + 6 u, so the tolerances only have to allow for the rounding of T and D.
 #[inline(always)]
-pub(crate) fn candidates<'a, L: Lanes>(
+pub(crate) fn candidates<'a, L: SingleLanes>(
     local: &Local,
     limit: L,
     lines: &'a [Line; PACKET],
@@ -189,21 +189,21 @@ pub(crate) fn candidates<'a, L: Lanes>(
     let b2 = dot(direction, q).flip(sign);
     let b0 = det.sub(b1).sub(b2);
     let tiny = L::splat(1e-30);
-    let tolerance = size.mul_add(size.mul_add(L::splat(128.0 * U), L::splat(local.tolerance.edge)), tiny);
+    let tolerance = size.fma(size.fma(L::splat(128.0 * U), L::splat(local.tolerance.edge)), tiny);
     let least = b0.min(b1).min(b2);
-    let inside = zero.at_most(least.add(tolerance));
+    let inside = L::bits(zero.at_most(least.add(tolerance)));
     let t = dot(second, q).flip(sign);
     let unit = size.mul(size).mul(L::splat(64.0 * U));
-    let slack = unit.mul_add(L::splat(local.tolerance.reach), tiny);
-    let ahead = zero.at_most(t.add(slack));
-    let slack_at_limit = unit.mul_add(L::splat(local.tolerance.reach).add(limit), tiny);
+    let slack = unit.fma(L::splat(local.tolerance.reach), tiny);
+    let ahead = L::bits(zero.at_most(t.add(slack)));
+    let slack_at_limit = unit.fma(L::splat(local.tolerance.reach).add(limit), tiny);
     let at_limit = limit.mul(det);
-    let near = t.at_most(at_limit.add(slack_at_limit));
-    let thin = det.at_most(unit);
+    let near = L::bits(t.at_most(at_limit.add(slack_at_limit)));
+    let thin = L::bits(det.at_most(unit));
     let lanes = inside & (thin | (ahead & near));
-    let sure = lanes & !thin & tolerance.at_most(least) & slack.at_most(t);
+    let sure = lanes & !thin & L::bits(tolerance.at_most(least)) & L::bits(slack.at_most(t));
     let below = limit.mul(L::splat(1.0 - 32.0 * U)).sub(L::splat(8.0 * U));
-    let within = sure & t.add(slack_at_limit).at_most(below.mul(det));
+    let within = sure & L::bits(t.add(slack_at_limit).at_most(below.mul(det)));
     // The factor allows for three roundings, and for as many more.
     let farthest = t.add(slack).div(det.sub(unit)).mul(L::splat(1.0 + 8.0 * U));
     (lanes != 0).then_some(Candidates { lanes, sure, within, farthest, ids: &lines[4].0[1] })
@@ -211,31 +211,31 @@ pub(crate) fn candidates<'a, L: Lanes>(
 
 // Functions instead of closures, so that the compiler uses the instruction set of the caller.
 #[inline(always)]
-fn row<L: Lanes>(lines: &[Line; PACKET], k: usize) -> L {
-    L::load(&lines[k / 2].0[k % 2])
+fn row<L: SingleLanes>(lines: &[Line; PACKET], k: usize) -> L {
+    L::from_bits(&lines[k / 2].0[k % 2])
 }
 
 #[inline(always)]
-fn splat<L: Lanes>([x, y, z]: [f32; 3]) -> [L; 3] {
+fn splat<L: SingleLanes>([x, y, z]: [f32; 3]) -> [L; 3] {
     [L::splat(x), L::splat(y), L::splat(z)]
 }
 
 #[inline(always)]
-fn rows<L: Lanes>(lines: &[Line; PACKET], k: usize) -> [L; 3] {
+fn rows<L: SingleLanes>(lines: &[Line; PACKET], k: usize) -> [L; 3] {
     [row(lines, k), row(lines, k + 1), row(lines, k + 2)]
 }
 
 #[inline(always)]
-fn longest<L: Lanes>([x, y, z]: [L; 3]) -> L {
+fn longest<L: SingleLanes>([x, y, z]: [L; 3]) -> L {
     x.abs().max(y.abs()).max(z.abs())
 }
 
 #[inline(always)]
-fn cross<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
-    [a[1].mul_sub(b[2], a[2].mul(b[1])), a[2].mul_sub(b[0], a[0].mul(b[2])), a[0].mul_sub(b[1], a[1].mul(b[0]))]
+fn cross<L: SingleLanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    [a[1].fms(b[2], a[2].mul(b[1])), a[2].fms(b[0], a[0].mul(b[2])), a[0].fms(b[1], a[1].mul(b[0]))]
 }
 
 #[inline(always)]
-fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
-    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2].mul(b[2])))
+fn dot<L: SingleLanes>(a: [L; 3], b: [L; 3]) -> L {
+    a[0].fma(b[0], a[1].fma(b[1], a[2].mul(b[2])))
 }

@@ -5,7 +5,7 @@
 //! least (the surface area heuristic; the dynamic programme of Ylitie, Karras & Laine 2017, §3.1). A node costs as much
 //! as a packet of up to eight things, and each is weighted with the surface of its box.
 
-use crate::rays::lanes::WIDTH;
+use mesophyll_base::lanes::WIDTH;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;

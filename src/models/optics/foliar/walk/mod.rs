@@ -11,7 +11,8 @@ mod random;
 
 use super::goniometer::{self, Goniometer};
 use super::{LayeredLeaf, MesophyllPath, Oblateness, Side, enter};
-#[cfg(target_arch = "x86_64")]
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::Lanes;
 use mesophyll_base::processor::InstructionSet;
 use pass::{RayBatch, WIDTH, WalkPlace, WalkStep};
 use random::RandomLanes;
@@ -68,7 +69,7 @@ pub fn count(
     let walk = Walk::new(leaf, side, incidence);
     let parts = (0..rays.div_ceil(PART)).into_par_iter().map(|part| {
         let n = PART.min(rays - part * PART);
-        if stop() { RayCounts::default() } else { walk.part::<false>(n, seed, part, &mut |_, _| ()) }
+        if stop() { RayCounts::default() } else { walk.part::<false, _>(n, seed, part, &mut |_, _| ()) }
     });
     parts.reduce(RayCounts::default, |mut a, b| {
         a.add(&b);
@@ -90,7 +91,7 @@ pub fn directions(
     let collect = |mut all: Goniometer, part: u64| {
         let n = PART.min(rays - part * PART);
         if !stop() {
-            let found = walk.part::<true>(n, seed, part, &mut |lit, ray| all.collect(lit, ray));
+            let found = walk.part::<true, _>(n, seed, part, &mut |lit, ray| all.collect(lit, ray));
             all.counts.add(&found);
         }
         all
@@ -181,89 +182,19 @@ impl Walk {
 
     /// Sends `n` rays. If `DIRECTIONS` is set, the rays that leave are handed to `each`, with whether they left on the
     /// lit side and with their cosines.
-    fn part<const DIRECTIONS: bool>(
+    fn part<const DIRECTIONS: bool, E: FnMut(bool, [f32; 3])>(
         &self,
         n: u64,
         seed: u64,
         part: u64,
-        each: &mut impl FnMut(bool, [f32; 3]),
+        each: &mut E,
     ) -> RayCounts {
-        #[cfg(target_arch = "x86_64")]
-        if InstructionSet::detect() >= InstructionSet::Avx2 {
-            // SAFETY: this processor has the instruction set.
-            return unsafe { self.part_avx2::<DIRECTIONS>(n, seed, part, each) };
-        }
-        self.part_plain::<DIRECTIONS>(n, seed, part, each)
-    }
-
-    /// The same code, compiled for processors with AVX2. It computes the same numbers.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn part_avx2<const DIRECTIONS: bool>(
-        &self,
-        n: u64,
-        seed: u64,
-        part: u64,
-        each: &mut impl FnMut(bool, [f32; 3]),
-    ) -> RayCounts {
-        self.part_plain::<DIRECTIONS>(n, seed, part, each)
-    }
-
-    #[inline(always)]
-    fn part_plain<const DIRECTIONS: bool>(
-        &self,
-        n: u64,
-        seed: u64,
-        part: u64,
-        each: &mut impl FnMut(bool, [f32; 3]),
-    ) -> RayCounts {
-        let mut random = RandomLanes::new(seed, part);
-        let mut step = WalkStep::new();
-        let mut queues: [RayBatch; PLACES] = std::array::from_fn(|_| RayBatch::new(UNDER_WAY));
-        let (inner, mirrored) = match self.side {
-            Side::Front => (At::UpperDown as usize, At::MirroredUp as usize),
-            Side::Back => (At::LowerUp as usize, At::MirroredDown as usize),
-        };
-        let (mut out, mut left, mut under_way) = ([0u64; 2], n, 0);
-        let mut steps = 0;
-        loop {
-            if left > 0 && under_way <= UNDER_WAY - WIDTH {
-                let sent = left.min(WIDTH as u64) as usize;
-                left -= sent as u64;
-                self.send(&mut random, sent, &mut queues, inner, mirrored);
-                under_way += sent;
-            }
-            if under_way == 0 {
-                break;
-            }
-            let longest = (0..PLACES).max_by_key(|&k| queues[k].len).unwrap_or(0);
-            if longest >= INSIDE {
-                // outside: 0 up, 1 down
-                let (down, turned) = ((longest - INSIDE) / 2, (longest - INSIDE) % 2 == 1);
-                let rays = &mut queues[longest];
-                let before = rays.len;
-                if DIRECTIONS {
-                    let lit = (down == 0) == (self.side == Side::Front);
-                    let lobe = if turned { self.cuticle } else { None };
-                    step.leave(lobe, &mut random, rays, |ray| each(lit, ray));
-                } else {
-                    rays.len = 0;
-                }
-                out[down] += (before - rays.len) as u64;
-                under_way -= before - rays.len;
-                continue;
-            }
-            let (to_mirrored, to_refracted) = (NEXT[longest].0 as usize, NEXT[longest].1 as usize);
-            if let Ok([rays, a, b]) = queues.get_disjoint_mut([longest, to_mirrored, to_refracted]) {
-                under_way -= step.run::<DIRECTIONS>(&self.places[longest], &mut random, rays, a, b) as usize;
-            }
-            steps += u64::from(left == 0);
-            if steps > MOST_STEPS {
-                break;
-            }
-        }
-        let [reflected, transmitted] = if self.side == Side::Front { out } else { [out[1], out[0]] };
-        RayCounts { rays: n, reflected, transmitted, lost: under_way as u64 }
+        let walk = self;
+        dispatch_lanes!(
+            InstructionSet::detect(),
+            F32[DIRECTIONS][E: FnMut(bool, [f32; 3])],
+            follow(walk: &Walk, n: u64, seed: u64, part: u64, each: &mut E) -> RayCounts
+        )
     }
 
     /// Sends `n` rays onto the lit face.
@@ -282,4 +213,63 @@ impl Walk {
             rays.len += 1;
         }
     }
+}
+
+/// [`Walk::part`], whose loops the compiler turns into vectors. All sets compute the same numbers.
+#[inline(always)]
+#[allow(clippy::extra_unused_type_parameters)] // The lanes say only for which set this is compiled.
+fn follow<L: Lanes, const DIRECTIONS: bool, E: FnMut(bool, [f32; 3])>(
+    walk: &Walk,
+    n: u64,
+    seed: u64,
+    part: u64,
+    each: &mut E,
+) -> RayCounts {
+    let mut random = RandomLanes::new(seed, part);
+    let mut step = WalkStep::new();
+    let mut queues: [RayBatch; PLACES] = std::array::from_fn(|_| RayBatch::new(UNDER_WAY));
+    let (inner, mirrored) = match walk.side {
+        Side::Front => (At::UpperDown as usize, At::MirroredUp as usize),
+        Side::Back => (At::LowerUp as usize, At::MirroredDown as usize),
+    };
+    let (mut out, mut left, mut under_way) = ([0u64; 2], n, 0);
+    let mut steps = 0;
+    loop {
+        if left > 0 && under_way <= UNDER_WAY - WIDTH {
+            let sent = left.min(WIDTH as u64) as usize;
+            left -= sent as u64;
+            walk.send(&mut random, sent, &mut queues, inner, mirrored);
+            under_way += sent;
+        }
+        if under_way == 0 {
+            break;
+        }
+        let longest = (0..PLACES).max_by_key(|&k| queues[k].len).unwrap_or(0);
+        if longest >= INSIDE {
+            // outside: 0 up, 1 down
+            let (down, turned) = ((longest - INSIDE) / 2, (longest - INSIDE) % 2 == 1);
+            let rays = &mut queues[longest];
+            let before = rays.len;
+            if DIRECTIONS {
+                let lit = (down == 0) == (walk.side == Side::Front);
+                let lobe = if turned { walk.cuticle } else { None };
+                step.leave(lobe, &mut random, rays, |ray| each(lit, ray));
+            } else {
+                rays.len = 0;
+            }
+            out[down] += (before - rays.len) as u64;
+            under_way -= before - rays.len;
+            continue;
+        }
+        let (to_mirrored, to_refracted) = (NEXT[longest].0 as usize, NEXT[longest].1 as usize);
+        if let Ok([rays, a, b]) = queues.get_disjoint_mut([longest, to_mirrored, to_refracted]) {
+            under_way -= step.run::<DIRECTIONS>(&walk.places[longest], &mut random, rays, a, b) as usize;
+        }
+        steps += u64::from(left == 0);
+        if steps > MOST_STEPS {
+            break;
+        }
+    }
+    let [reflected, transmitted] = if walk.side == Side::Front { out } else { [out[1], out[0]] };
+    RayCounts { rays: n, reflected, transmitted, lost: under_way as u64 }
 }

@@ -8,7 +8,8 @@
 //! ln Δ; thicker ones use the exact solution.
 
 use super::SlabResponse;
-#[cfg(target_arch = "x86_64")]
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::Lanes;
 use mesophyll_base::processor::InstructionSet;
 use std::sync::OnceLock;
 
@@ -195,43 +196,32 @@ impl Patch {
     /// Value and derivatives by local ξ (x) and q (y).
     #[inline]
     fn evaluate(&self, x: f64, y: f64) -> Local {
-        #[cfg(target_arch = "x86_64")]
-        if InstructionSet::detect() >= InstructionSet::Avx2 {
-            // SAFETY: this processor has the instruction set.
-            return unsafe { self.evaluate_wide(x, y) };
-        }
-        self.horner::<false>(x, y)
+        let patch = self;
+        dispatch_lanes!(InstructionSet::detect(), F32, horner(patch: &Patch, x: f64, y: f64) -> Local)
     }
+}
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,fma")]
-    fn evaluate_wide(&self, x: f64, y: f64) -> Local {
-        self.horner::<true>(x, y)
-    }
-
-    /// Horner's scheme in x over vectors of y powers, then in y. `FUSED` uses fused multiply-adds, which only some
-    /// processors have.
-    #[inline(always)]
-    fn horner<const FUSED: bool>(&self, x: f64, y: f64) -> Local {
-        let fma = |a: f64, b: f64, c: f64| if FUSED { a.mul_add(b, c) } else { a * b + c };
-        let mut value = [0.0; WIDTH];
-        let mut slope = [0.0; WIDTH];
-        for line in self.coefficients.iter().rev() {
-            for j in 0..WIDTH {
-                slope[j] = fma(slope[j], x, value[j]);
-                value[j] = fma(value[j], x, line[j]);
-            }
+/// Horner's scheme in x over vectors of y powers, then in y. The compiler makes vectors of it.
+#[inline(always)]
+fn horner<L: Lanes>(patch: &Patch, x: f64, y: f64) -> Local {
+    let fma = |a: f64, b: f64, c: f64| if L::FUSED { a.mul_add(b, c) } else { a * b + c };
+    let mut value = [0.0; WIDTH];
+    let mut slope = [0.0; WIDTH];
+    for line in patch.coefficients.iter().rev() {
+        for j in 0..WIDTH {
+            slope[j] = fma(slope[j], x, value[j]);
+            value[j] = fma(value[j], x, line[j]);
         }
-        let (mut g, mut gx, mut gy) = ([0.0; 2], [0.0; 2], [0.0; 2]);
-        for j in (0..ORDER).rev() {
-            for s in 0..2 {
-                gy[s] = fma(gy[s], y, g[s]);
-                g[s] = fma(g[s], y, value[2 * j + s]);
-                gx[s] = fma(gx[s], y, slope[2 * j + s]);
-            }
-        }
-        (g, gx, gy)
     }
+    let (mut g, mut gx, mut gy) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+    for j in (0..ORDER).rev() {
+        for s in 0..2 {
+            gy[s] = fma(gy[s], y, g[s]);
+            g[s] = fma(g[s], y, value[2 * j + s]);
+            gx[s] = fma(gx[s], y, slope[2 * j + s]);
+        }
+    }
+    (g, gx, gy)
 }
 
 /// G₁, G₂ and their derivatives by the local ξ and q.

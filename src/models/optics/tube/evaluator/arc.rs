@@ -3,7 +3,7 @@
 //! These are free functions instead of closures: only `#[inline(always)]` functions carry the intrinsics into the
 //! caller that was compiled for them.
 
-use crate::tube::lanes::Lanes;
+use mesophyll_base::lanes::DoubleLanes;
 
 /// Running sums over nodes.
 #[derive(Clone, Copy)]
@@ -29,20 +29,20 @@ pub(super) struct Arc<L> {
 }
 
 #[inline(always)]
-pub(super) fn poly<L: Lanes>(p: &[L; 3], even: bool, t: L, t2: L) -> L {
+pub(super) fn poly<L: DoubleLanes>(p: &[L; 3], even: bool, t: L, t2: L) -> L {
     let high = p[2].fma(t2, p[0]);
     if even { high } else { p[1].fma(t, high) }
 }
 
 /// v · (sin, ·, cos) for the part of v in the plane of travel.
 #[inline(always)]
-pub(super) fn flat<L: Lanes>(v: [f64; 3], sin: L, cos: L) -> L {
+pub(super) fn flat<L: DoubleLanes>(v: [f64; 3], sin: L, cos: L) -> L {
     L::splat(v[0]).fma(sin, L::splat(v[2]).mul(cos))
 }
 
 /// The point of the tube in the direction (cos, sin), or the nearest end of the tube.
 #[inline(always)]
-pub(super) fn clamp<L: Lanes>(cp: L, sp: L, ends: &[L; 2], end_cos: &[L; 2], end_sin: &[L; 2]) -> (L, L) {
+pub(super) fn clamp<L: DoubleLanes>(cp: L, sp: L, ends: &[L; 2], end_cos: &[L; 2], end_sin: &[L; 2]) -> (L, L) {
     let behind = cp.less(L::splat(1e-6));
     let side = L::splat(0.0).less(sp);
     let below = sp.less(ends[0].mul(cp));
@@ -54,13 +54,13 @@ pub(super) fn clamp<L: Lanes>(cp: L, sp: L, ends: &[L; 2], end_cos: &[L; 2], end
 
 /// Tangent of half the angle from (cp, sp) to an end.
 #[inline(always)]
-pub(super) fn limit<L: Lanes>(cp: L, sp: L, end_cos: L, end_sin: L) -> L {
+pub(super) fn limit<L: DoubleLanes>(cp: L, sp: L, end_cos: L, end_sin: L) -> L {
     end_sin.mul(cp).sub(end_cos.mul(sp)).div(L::splat(1.0).add(end_cos.mul(cp)).add(end_sin.mul(sp)))
 }
 
 /// tan of half an angle, x (15 − x²)/(15 − 6 x²). It is unlimited beyond 1.4 rad, and where `bounded` is not set.
 #[inline(always)]
-pub(super) fn half_tan<L: Lanes>(angle: L, bounded: L::Mask) -> L {
+pub(super) fn half_tan<L: DoubleLanes>(angle: L, bounded: L::Mask) -> L {
     let s = L::splat;
     let x = angle.mul(s(0.5));
     let x2 = x.mul(x);
@@ -69,7 +69,7 @@ pub(super) fn half_tan<L: Lanes>(angle: L, bounded: L::Mask) -> L {
     x.mul(s(15.0).sub(x2)).div(below.max(s(1e-9))).or(near, s(1e9))
 }
 
-impl<L: Lanes> Arc<L> {
+impl<L: DoubleLanes> Arc<L> {
     /// Adds the integrand at `t` times `weight`. `even` says that the odd coefficients are zero.
     #[inline(always)]
     pub fn node(&self, ggx: bool, even: bool, t: L, weight: L, sums: &mut Sums<L>) {

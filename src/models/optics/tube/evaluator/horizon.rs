@@ -4,13 +4,13 @@
 use super::Point;
 use super::arc::flat;
 use super::light::atan;
-use crate::tube::lanes::Lanes;
+use mesophyll_base::lanes::DoubleLanes;
 use std::f64::consts::PI;
 
 /// Moves the end that the horizon hides to the place where the horizon cuts the arc, in the lanes of `cut`. Returns
 /// those of these lanes that see anything.
 #[inline(always)]
-pub(super) fn above<L: Lanes>(
+pub(super) fn above<L: DoubleLanes>(
     point: &Point,
     a1: L,
     ends: &mut [L; 2],
@@ -36,7 +36,7 @@ pub(super) fn above<L: Lanes>(
 
 /// ∫ cos²φ dφ and ∫ sinφ cosφ dφ between the ends.
 #[inline(always)]
-pub(super) fn diffuse<L: Lanes>(end_cos: &[L; 2], end_sin: &[L; 2], ends: &[L; 2]) -> [L; 2] {
+pub(super) fn diffuse<L: DoubleLanes>(end_cos: &[L; 2], end_sin: &[L; 2], ends: &[L; 2]) -> [L; 2] {
     let (from, to) = (end_sin[0].fma(end_cos[0], atan(ends[0])), end_sin[1].fma(end_cos[1], atan(ends[1])));
     let along = to.sub(from).mul(L::splat(0.5));
     let skew = end_sin[1].mul(end_sin[1]).sub(end_sin[0].mul(end_sin[0])).mul(L::splat(0.5));
@@ -46,7 +46,7 @@ pub(super) fn diffuse<L: Lanes>(end_cos: &[L; 2], end_sin: &[L; 2], ends: &[L; 2
 /// The part of ∂S along the change `v` of the normal that comes from the cut's motion: the integrand there, per unit of
 /// the arc's scale.
 #[inline(always)]
-pub(super) fn cut_moves<L: Lanes>(
+pub(super) fn cut_moves<L: DoubleLanes>(
     point: &Point,
     ggx: bool,
     [sin, cos]: [L; 2],

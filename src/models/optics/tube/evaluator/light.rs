@@ -4,11 +4,11 @@
 #![allow(clippy::needless_range_loop)] // Loops by index: closures would not take the intrinsics along.
 
 use super::{PassEvaluator, TubeGeometry};
-use crate::tube::lanes::{Lanes, PAD};
+use mesophyll_base::lanes::{DoubleLanes, PAD};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_8, PI};
 
 #[inline(always)]
-pub(super) fn light<L: Lanes>(pass: &PassEvaluator, texel_mm: [f64; 2], lit: &mut TubeGeometry) {
+pub(super) fn light<L: DoubleLanes>(pass: &PassEvaluator, texel_mm: [f64; 2], lit: &mut TubeGeometry) {
     let texel = pass.travel.local([texel_mm[0], texel_mm[1], 0.0]);
     let tube = pass.model.tube;
     let (h, one) = (L::splat(tube.height_mm), L::splat(1.0));
@@ -59,7 +59,7 @@ pub(super) fn light<L: Lanes>(pass: &PassEvaluator, texel_mm: [f64; 2], lit: &mu
 
 /// atan to 1e-12: the argument is reduced twice, to |y| ≤ tan(π/8), and then the series is used.
 #[inline(always)]
-pub(super) fn atan<L: Lanes>(x: L) -> L {
+pub(super) fn atan<L: DoubleLanes>(x: L) -> L {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let a = x.max(zero.sub(x));
     let big = one.less(a);

@@ -9,11 +9,11 @@ mod light;
 mod response;
 mod rules;
 
-use super::lanes::padded;
 use super::{Travel, TubeModel};
-use crate::dispatch_lanes;
 use crate::gloss::{Lobe, dot};
 use light::light;
+use mesophyll_base::dispatch_lanes;
+use mesophyll_base::lanes::padded;
 use mesophyll_base::processor::InstructionSet;
 use mesophyll_base::quadrature::symmetric;
 use response::respond;
@@ -166,7 +166,7 @@ impl PassEvaluator {
             list.resize(n, 0.0);
         }
         let pass = self;
-        dispatch_lanes!(self.level, light(pass: &PassEvaluator, texel_mm: [f64; 2], lit: &mut TubeGeometry));
+        dispatch_lanes!(self.level, F64, light(pass: &PassEvaluator, texel_mm: [f64; 2], lit: &mut TubeGeometry));
     }
 
     /// Nodes across the radius for slope `m`. The mean of a bell of width σ over ±β needs few nodes where β/σ is small.
@@ -220,7 +220,7 @@ impl PassEvaluator {
         if known && (symmetric || self.model.lobe.index().is_none()) {
             let (pass, point, across) = (self, &point, self.across(m));
             dispatch_lanes!(
-                self.level,
+                self.level, F64,
                 respond(
                     pass: &PassEvaluator,
                     lit: &TubeGeometry,

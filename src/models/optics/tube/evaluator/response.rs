@@ -8,12 +8,12 @@ use super::horizon::{above, cut_moves, diffuse};
 use super::rules::{Frame, bell, long_tail, shadows};
 use super::{COLUMNS, PassEvaluator, Point, TubeGeometry};
 use crate::gloss::dot;
-use crate::tube::lanes::Lanes;
+use mesophyll_base::lanes::DoubleLanes;
 use std::f64::consts::PI;
 
 /// Fills the columns of all frames.
 #[inline(always)]
-pub(super) fn respond<L: Lanes>(
+pub(super) fn respond<L: DoubleLanes>(
     pass: &PassEvaluator,
     lit: &TubeGeometry,
     point: &Point,

@@ -6,10 +6,10 @@
 
 use super::Nodes;
 use super::arc::{Arc, Sums, half_tan};
-use crate::tube::lanes::Lanes;
+use mesophyll_base::lanes::DoubleLanes;
 
 /// The quantities that the choice of nodes depends on.
-pub(super) struct Frame<L: Lanes> {
+pub(super) struct Frame<L: DoubleLanes> {
     pub from: L,
     pub to: L,
     pub slope: L,
@@ -22,7 +22,7 @@ pub(super) struct Frame<L: Lanes> {
 /// Beckmann's lobe: the trapezoid rule where the bell fits between the ends, otherwise Gauss nodes on the part of it
 /// that is left.
 #[inline(always)]
-pub(super) fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums<L>) {
+pub(super) fn bell<L: DoubleLanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums: &mut Sums<L>) {
     let s = L::splat;
     let zero = s(0.0);
     let root = frame.bend.sqrt();
@@ -83,7 +83,15 @@ pub(super) fn bell<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, sums
 /// GGX: t = w·2y/(1 − y²) takes in the tail of the Lorentzian; Gauss nodes are in y, where the integrand's poles are at
 /// ±i. `even`: only the half [0, y] of a symmetric range is taken, twice.
 #[inline(always)]
-pub(super) fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to: L, even: bool, sums: &mut Sums<L>) {
+pub(super) fn long_tail<L: DoubleLanes>(
+    nodes: &Nodes,
+    arc: &Arc<L>,
+    w: L,
+    from: L,
+    to: L,
+    even: bool,
+    sums: &mut Sums<L>,
+) {
     let s = L::splat;
     let one = s(1.0);
     let (lo, hi) = (from.div(w.add(w.fma(w, from.mul(from)).sqrt())), to.div(w.add(w.fma(w, to.mul(to)).sqrt())));
@@ -106,7 +114,7 @@ pub(super) fn long_tail<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, w: L, from: L, to
 /// a x M = E (a quadratic in x), and where 2 b M = E (linear). Between these places everything is smooth, and G − 1
 /// goes to zero at the edges of masking. `abc` holds a, b, c.
 #[inline(always)]
-pub(super) fn shadows<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, abc: [L; 3], sums: &mut Sums<L>) {
+pub(super) fn shadows<L: DoubleLanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, abc: [L; 3], sums: &mut Sums<L>) {
     let s = L::splat;
     let (zero, one, two) = (s(0.0), s(1.0), s(2.0));
     let [a, b, c] = abc;
@@ -151,7 +159,7 @@ pub(super) fn shadows<L: Lanes>(nodes: &Nodes, arc: &Arc<L>, frame: &Frame<L>, a
 
 /// tan(ψ/2) for x = cos ψ; 0 beyond 1.
 #[inline(always)]
-fn tangent<L: Lanes>(x: L) -> L {
+fn tangent<L: DoubleLanes>(x: L) -> L {
     let one = L::splat(1.0);
     one.sub(x).max(L::splat(0.0)).div(one.add(x).max(L::splat(1e-12))).sqrt()
 }
