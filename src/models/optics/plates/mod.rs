@@ -8,7 +8,7 @@
 #[cfg(test)]
 mod tests;
 
-use crate::foliar::fresnel;
+use crate::foliar::enter;
 use crate::number::{Dual, Real};
 use crate::slab::expint::{e1, e2};
 use mesophyll_base::quadrature;
@@ -51,26 +51,15 @@ pub struct PlateIndex {
 pub fn entering(angle: f64, index: f64) -> [f64; 2] {
     let least = if angle < std::f64::consts::FRAC_PI_2 { angle.cos() } else { 0.0 };
     let n = Dual::<f64, 1>::parameter(index, 0);
-    let one = Dual::<f64, 1> { value: 1.0, by: [0.0] };
     let (mut sum, span) = ([0.0; 2], 1.0 - least);
     for (t, weight) in quadrature::unit(NODES) {
         let mu = least + span * t;
-        let inside = n.refracted(mu);
-        let lost = fresnel(one, Dual { value: mu, by: [0.0] }, n, inside);
+        let (mirrored, _, _) = enter(n, mu.acos());
         let weight = 2.0 * mu * span * weight / (1.0 - least * least);
-        sum[0] += weight * (1.0 - lost.value);
-        sum[1] -= weight * lost.by[0];
+        sum[0] += weight * (1.0 - mirrored.value);
+        sum[1] -= weight * mirrored.by[0];
     }
     sum
-}
-
-impl Dual<f64, 1> {
-    /// The cosine inside of an index, of light that arrives from air at the cosine `mu`.
-    fn refracted(self, mu: f64) -> Self {
-        let square = 1.0 - (1.0 - mu * mu) / (self.value * self.value);
-        let cos = square.sqrt();
-        self.function(cos, (1.0 - mu * mu) / (self.value.powi(3) * cos))
-    }
 }
 
 impl PlateIndex {

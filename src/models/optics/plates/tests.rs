@@ -42,7 +42,11 @@ fn added(depth: f64, count: usize, gloss: f64, n: f64) -> [f64; 2] {
         let (mut r, mut t, mut inside) = (1.0 - enters, 0.0, enters);
         for echo in 0..4000 {
             inside *= through;
-            if echo % 2 == 0 { t += inside * leave } else { r += inside * leave }
+            if echo % 2 == 0 {
+                t += inside * leave
+            } else {
+                r += inside * leave
+            }
             inside *= 1.0 - leave;
         }
         [r, t]
