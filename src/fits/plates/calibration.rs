@@ -12,9 +12,11 @@ pub(super) type PlatePart<'a> = (Vec<PlatePoint>, PlatePopulation, Vec<&'a Plate
 
 /// Standard errors of measured contents that count beside the model's, as shares: pigments are extracted.
 const LABORATORY: [f64; 4] = [0.1, 0.1, 0.0, 0.0];
-const NINETY_FIVE: f64 = 1.96;
-/// The share of leaves whose interval is to hold what was measured.
-const HELD: f64 = 0.95;
+/// The share of leaves from which the model's error is taken, and half the width of the interval that is to hold what
+/// was measured of them, in standard errors. The rest is left out of it: among the records of a database a few are wrong.
+const HELD: f64 = 0.92;
+/// See [`HELD`].
+const WIDTH: f64 = 1.751;
 /// A leaf that leaves this many times the usual, or whose content is this many standard errors off, is suspect.
 const SUSPECT: [f64; 2] = [4.0, 4.0];
 /// A constant is not carried where its standard error is more than half of it.
@@ -65,7 +67,7 @@ fn off(k: usize, judged: &[PlateJudged], population: &PlatePopulation) -> f64 {
     let needed = |(example, answer, _): &PlateJudged| {
         let (measured, found) = (example.measured[k], answer.contents[k]);
         let known = answer.errors[k].powi(2) + (LABORATORY[k] * measured).powi(2);
-        let missing = ((found - measured) / NINETY_FIVE).powi(2) - known;
+        let missing = ((found - measured) / WIDTH).powi(2) - known;
         missing.max(0.0) / off_base(k, found, population).powi(2)
     };
     let mut needed: Vec<f64> = judged.iter().filter(|j| !j.0.measured[k].is_nan()).map(needed).collect();
