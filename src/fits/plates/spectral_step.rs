@@ -1,5 +1,5 @@
-//! The constants of all wavelengths, where the numbers of the leaves are known: one step of damped least squares, with a
-//! penalty for constants that are not smooth over wavelength.
+//! The constants of all wavelengths, where the numbers of the leaves are known: one step of damped least squares, with
+//! a penalty for constants that are not smooth over wavelength.
 
 use super::banded::BandedMatrix;
 use super::leaf::PlateLight;

@@ -10,7 +10,8 @@ use std::path::Path;
 /// The columns of the constants, whose names end in their units where they have one.
 const CONSTANTS: [&str; FREE] =
     ["chlorophyll_cm2_g", "carotenoid_cm2_g", "water_per_cm", "dry_cm2_g", "brown", "n", "growth"];
-/// What one of the constants is in the file, for one inside: contents there are µg/cm² and g/cm², absorptions are for 1 g.
+/// What one of the constants is in the file, for one inside: contents there are µg/cm² and g/cm², absorptions are for
+/// 1 g.
 const FACTORS: [f64; FREE] = [1e6 / USUAL[0], 1e6 / USUAL[1], 1.0 / USUAL[2], 1.0 / USUAL[3], 1.0 / USUAL[4], 1.0, 1.0];
 /// The free numbers of a leaf, as the file names them.
 const UNKNOWNS: [&str; FREE] = ["chlorophyll", "carotenoid", "water", "dry", "brown", "plates", "gloss"];
@@ -137,8 +138,8 @@ impl Reader<'_> {
 /// Reads a file of coefficients.
 ///
 /// # Errors
-/// Another variant, a column or a setting that is missing, a cell that is no number or out of range, wavelengths that do
-/// not ascend. Each names the file, the line and the column.
+/// Another variant, a column or a setting that is missing, a cell that is no number or out of range, wavelengths that
+/// do not ascend. Each names the file, the line and the column.
 pub fn read(path: &Path) -> Result<PlateCoefficients> {
     let mut table = InputTable::open(path)?;
     let modes = (0..).take_while(|k| table.column(&mode_name(0, *k)).is_some()).count();

@@ -188,8 +188,8 @@ pub(super) fn alternate(wavelengths: &[f64], examples: &[&PlateExample]) -> crat
     Ok(PlateRound { points, numbers })
 }
 
-/// Brown pigments and plates have no unit of their own: the mean leaf has 1 of the former, and plates count 1 on average
-/// where nothing absorbs.
+/// Brown pigments and plates have no unit of their own: the mean leaf has 1 of the former, and plates count 1 on
+/// average where nothing absorbs.
 fn settle(wavelengths: &[f64], points: &mut [PlatePoint], numbers: &mut [[f64; FREE]]) {
     let brown = mean(numbers.iter().map(|leaf| leaf[4])).unwrap_or(1.0);
     if brown > 1e-6 {
