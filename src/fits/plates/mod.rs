@@ -1,10 +1,10 @@
 //! Leaves as they are: contents from measured reflectance and transmittance, by a stack of plates whose specific
 //! absorptions and indices were themselves fitted to leaves with measured contents.
 //!
-//! [`training::train`] makes [`PlateCoefficients`] of such a table, [`table`] writes and reads them, and
+//! [`training::train`] makes [`PlateCoefficients`] of such a table, and [`table`] writes and reads them.
 //! [`PlateFitModel`] fits a leaf with seven numbers: five contents, the number of plates and the surface's gloss. What
-//! the model leaves of a leaf is structured over wavelength, so the errors are those of [`misfit::PlateMisfit`], which was
-//! estimated from leaves of species that the coefficients had not seen.
+//! the model leaves of a leaf is structured over wavelength. So the errors are those of [`misfit::PlateMisfit`], which
+//! was estimated from leaves of species that the coefficients had not seen.
 
 mod answer;
 mod banded;
@@ -31,9 +31,9 @@ pub const SUBSTANCES: [&str; 5] = ["chlorophyll", "carotenoid", "water", "dry", 
 pub const CONTENTS: [&str; 4] = ["chlorophyll_ug_cm2", "carotenoid_ug_cm2", "water_g_cm2", "dry_g_cm2"];
 /// The contents of a usual leaf, in the units of [`CONTENTS`]. Inside, contents are in these units.
 pub const USUAL: [f64; 5] = [50.0, 12.0, 0.01, 0.005, 1.0];
-/// The wavelengths (nm) at which each of the [`SUBSTANCES`] may absorb. Pigments have bands in the visible; below 880
-/// nm a leaf's water absorbs less than can be measured. Without these ends the substances of a table of leaves could stand
-/// for each other, because leaves with more of one have more of the other.
+/// The wavelengths (nm) at which each of the [`SUBSTANCES`] may absorb. Pigments have bands in the visible, and below
+/// 880 nm the water of a leaf absorbs less than can be measured. Without these ends the substances of a table of leaves
+/// could stand for each other, because leaves with more of one have more of the other.
 pub const REACH: [[f64; 2]; 5] = [[0.0, 780.0], [0.0, 580.0], [880.0, f64::MAX], [800.0, f64::MAX], [0.0, 1400.0]];
 
 /// Where the two numbers after the contents stand among the free ones.

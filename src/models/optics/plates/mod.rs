@@ -1,6 +1,6 @@
 //! A leaf as a stack of equal plates, of which a leaf may hold any number above one, whole or not: Allen, Gausman,
-//! Richardson & Thomas (J. Opt. Soc. Am. 59, 1969), and Jacquemoud & Baret's PROSPECT (Remote Sensing of Environment 34,
-//! 1990).
+//! Richardson & Thomas (J. Opt. Soc. Am. 59, 1969), and PROSPECT of Jacquemoud & Baret (Remote Sensing of Environment
+//! 34, 1990).
 //!
 //! A plate lies between two plane interfaces and absorbs. Light inside is diffuse. The first plate is lit within a cone
 //! ([`CONE`]), because a leaf's surface is rough, and its gloss is a number of the leaf: a waxy or hairy leaf reflects
