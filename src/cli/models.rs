@@ -86,7 +86,7 @@ macro_rules! sweep {
 const NONE: ModelEntry = ModelEntry { name: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [ModelEntry; 26] = [
+pub const MODELS: [ModelEntry; 27] = [
     ModelEntry {
         name: "solve",
         bench: Some(ModelSweep {
@@ -274,6 +274,11 @@ pub const MODELS: [ModelEntry; 26] = [
         name: "fsm",
         eval: verb!(eval::fsm, "The foliar scattering model: its lobes, rules and errors"),
         bench: Some(sweep!(foliar::pictures::rows)),
+        ..NONE
+    },
+    ModelEntry {
+        name: "coefficients",
+        fit: verb!(fit::coefficients, "Specific absorptions of leaves from spectra with measured contents, from CSV"),
         ..NONE
     },
     ModelEntry {

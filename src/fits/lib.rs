@@ -12,6 +12,7 @@ pub mod leaf;
 pub mod leaf_folder;
 pub mod look;
 pub mod photo;
+pub mod plates;
 pub mod record;
 pub mod sky;
 pub mod slab;

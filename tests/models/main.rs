@@ -4,6 +4,7 @@
 
 mod bands;
 mod beam;
+mod coefficients;
 #[path = "../common/mod.rs"]
 mod common;
 mod dipole;

@@ -10,6 +10,7 @@ use mesophyll_files::table::{
 use mesophyll_files::{atomic, progress};
 use mesophyll_fits::foliar::surface::{FoliarFitSetting, MOST_OBLATE};
 use mesophyll_fits::foliar::{FoliarFitConstants, FoliarFitModel, FoliarParameter, FoliarReading, pigments};
+use mesophyll_fits::plates;
 use mesophyll_optics::foliar::pigments::OpticalSpectrum;
 use mesophyll_optics::foliar::{MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
@@ -29,17 +30,17 @@ use std::sync::{Mutex, PoisonError};
 #[command(after_long_help = tables::help("fit foliar"))]
 pub struct Args {
     #[command(flatten)]
-    io: BatchIo,
-    /// Table of specific absorptions and refractive indices
+    pub(super) io: BatchIo,
+    /// Table of specific absorptions and refractive indices, or the coefficients of `fit coefficients`
     #[arg(long, value_name = "TABLE.csv")]
-    pigments: PathBuf,
+    pub(super) pigments: PathBuf,
     /// Absolute standard error of R and T, where a cell has none of its own; 0 for exact values (default: not known, no
     /// errors are printed)
     #[arg(long, value_name = "S")]
-    noise: Option<f64>,
+    pub(super) noise: Option<f64>,
     /// What is fitted; the rest is taken from columns of the same names, or is 0 (the oblateness: 5)
     #[arg(long = "fit", value_name = "NAME,…", value_delimiter = ',', value_parser = named::<FoliarParameter>(),
-        default_values_t = [FoliarParameter::Chlorophyll, FoliarParameter::Carotenoid, FoliarParameter::Oblateness])]
+        default_values_t = USUAL)]
     asked: Vec<FoliarParameter>,
     /// How long a crossing of the mesophyll is: sieve (the public program's) or slant
     #[arg(long, value_parser = ["sieve", "slant"], default_value = "sieve")]
@@ -55,10 +56,30 @@ pub struct Args {
     oblateness_spongy: f64,
     /// R and T, and their errors, are in per cent; --noise stays a share of 1
     #[arg(long)]
-    percent: bool,
+    pub(super) percent: bool,
     /// Draw measured and computed R and T over wavelength into this folder, a picture a leaf; for spectra in long form
     #[arg(long, value_name = "DIR")]
-    plots: Option<PathBuf>,
+    pub(super) plots: Option<PathBuf>,
+}
+
+/// What is fitted where nothing is asked for.
+const USUAL: [FoliarParameter; 3] =
+    [FoliarParameter::Chlorophyll, FoliarParameter::Carotenoid, FoliarParameter::Oblateness];
+
+impl Args {
+    /// An option that only the layered leaf has and that differs from its default.
+    pub(super) fn of_the_layers(&self) -> Option<&'static str> {
+        let usual = Oblateness::USUAL;
+        [
+            ("--fit", self.asked != USUAL),
+            ("--path", self.path != "sieve"),
+            ("--incidence-deg", self.incidence_deg != 8.0),
+            ("--oblateness-palisade", self.oblateness_palisade != usual.palisade),
+            ("--oblateness-spongy", self.oblateness_spongy != usual.spongy),
+        ]
+        .into_iter()
+        .find_map(|(name, given)| given.then_some(name))
+    }
 }
 
 const SUBSTANCES: [FoliarParameter; 5] = [
@@ -89,6 +110,9 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
             "--fit names no parameter that R and T determine; expected at least one content or oblateness".into(),
         ));
     }
+    if args.pigments.is_file() && plates::table::is_one(&InputTable::open(&args.pigments)?) {
+        return super::foliar_plates::run(args, common);
+    }
     let spectrum = pigments::read(&args.pigments)?;
     let table = spectra::open(&args.io.input)?;
     let setting = FoliarFitSetting {
@@ -118,7 +142,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
 }
 
 /// The lit side that a cell names; the upper one where it names none.
-fn side(word: Option<&str>) -> std::result::Result<Side, String> {
+pub(super) fn side(word: Option<&str>) -> std::result::Result<Side, String> {
     match word.unwrap_or_default() {
         "" => Ok(Side::Front),
         word => Side::of_botanical(word).ok_or_else(|| format!("side is {word:?}; expected adaxial or abaxial")),
@@ -149,12 +173,12 @@ const TAKES: &str = "fit foliar takes R and T with a wavelength in nm, such as R
                      leaf, wavelength_nm, R, T";
 
 /// Why a share of light can be no reading of a leaf, if so; noise may carry it a little beyond 0 and 1.
-fn impossible(column: &SpectrumColumn, value: f64) -> Option<String> {
+pub(super) fn impossible(column: &SpectrumColumn, value: f64) -> Option<String> {
     (!(-0.1..=1.1).contains(&value)).then(|| format!("{} is {value}; expected 0 to 1", column.name))
 }
 
 /// What is asked of the columns of readings, their errors and the contents that are given.
-fn asked_of(columns: &[SpectrumColumn], given: &[FoliarParameter], outputs: Vec<String>) -> BatchSpec {
+pub(super) fn asked_of(columns: &[SpectrumColumn], given: &[FoliarParameter], outputs: Vec<String>) -> BatchSpec {
     let readings: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let errors: Vec<String> = columns.iter().map(|c| c.error.clone()).collect();
     let contents: Vec<String> = given.iter().map(|p| p.column().to_string()).collect();
@@ -170,7 +194,7 @@ fn asked_of(columns: &[SpectrumColumn], given: &[FoliarParameter], outputs: Vec<
 }
 
 /// Whether the table has an error for each reading, or one was given for all.
-fn noise_is_stated(args: &Args, table: &InputTable, columns: &[SpectrumColumn]) -> bool {
+pub(super) fn noise_is_stated(args: &Args, table: &InputTable, columns: &[SpectrumColumn]) -> bool {
     args.noise.is_some() || columns.iter().all(|c| table.column(&c.error).is_some())
 }
 

@@ -10,7 +10,9 @@ use mesophyll_report::{self as report, QualityLevel};
 use std::path::Path;
 
 pub mod beam;
+pub mod coefficients;
 pub mod foliar;
+mod foliar_plates;
 pub mod gloss;
 pub mod grass;
 pub mod leaf;

@@ -7,6 +7,7 @@
 //! | [`tube`] | what a camera sees of a texel while a luminous tube travels over the leaf |
 //! | [`dipole`] | where light leaves the far side that entered at one point |
 //! | [`foliar`] | what the layers of a leaf do to rays of light |
+//! | [`plates`] | what a leaf reflects and lets through as a stack of plates, with what real leaves hold |
 //!
 //! [`number`] has the numbers that formulas are computed with where derivatives are asked for.
 //!
@@ -18,6 +19,7 @@
 pub mod dipole;
 pub mod foliar;
 pub mod number;
+pub mod plates;
 pub mod slab;
 pub mod translucency;
 pub mod tube;

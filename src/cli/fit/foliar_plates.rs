@@ -1,0 +1,206 @@
+//! `mesophyll fit foliar` where `--pigments` names coefficients of `fit coefficients`: the contents of real leaves.
+
+use super::foliar::{Args, asked_of, impossible, noise_is_stated, side};
+use super::spectra::{self, ReadingUnit, SpectrumColumn};
+use crate::cli::{CommonArgs, batch};
+use crate::cli::{Error, Result};
+use mesophyll_files::progress;
+use mesophyll_files::table::{Batch, GroupRow, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, counted};
+use mesophyll_fits::plates::leaf::PlateReading;
+use mesophyll_fits::plates::{PlateCoefficients, PlateFitModel, table};
+use mesophyll_optics::side::Side;
+
+const TAKES: &str = "fit foliar takes R and T with a wavelength in nm, such as R450, T450, or spectra in long form: \
+                     leaf, wavelength_nm, R, T";
+
+pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    if let Some(option) = args.of_the_layers() {
+        let file = args.pigments.display();
+        return Err(Error::Usage(format!(
+            "{option} is for the layered leaf, and {file} holds coefficients of another one, which states what is \
+             fitted; leave {option} out"
+        )));
+    }
+    let coefficients = table::read(&args.pigments)?;
+    let input = spectra::open(&args.io.input)?;
+    let (tally, stated) = match spectra::long(&input)? {
+        Some(form) => long(args, common, input, &form, &coefficients)?,
+        None => wide(args, common, input, &coefficients)?,
+    };
+    batch::say_tally(&tally, &args.io, common, "leaf")?;
+    if !stated {
+        progress::say(
+            "no noise is stated: the errors hold only what the model is off by; state the standard error of R and T by \
+             --noise S or by columns such as R450_err",
+        );
+    }
+    Ok(0)
+}
+
+/// Why a leaf lit from below cannot be answered.
+const BELOW: &str = "a leaf lit from below; the coefficients describe leaves lit from above";
+
+/// A model for the wavelengths of a table, and the wavelengths that it has.
+fn model(args: &Args, coefficients: &PlateCoefficients, mut all: Vec<f64>) -> (PlateFitModel, Vec<f64>) {
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    (PlateFitModel::new(coefficients, &all, args.noise.unwrap_or(0.0)), all)
+}
+
+/// Says how many readings are outside the coefficients.
+///
+/// # Errors
+/// Where all are.
+fn within(input: &InputTable, coefficients: &PlateCoefficients, all: &[f64]) -> Result<()> {
+    let [low, high] = coefficients.range();
+    let outside: Vec<&f64> = all.iter().filter(|w| !(low..=high).contains(*w)).collect();
+    if outside.len() == all.len() {
+        let first = all.first().map_or_else(String::new, f64::to_string);
+        let what =
+            format!("a reading is at {first} nm; the coefficients have {low} to {high} nm, and no reading is there");
+        return Err(Error::input(input.name(), what));
+    }
+    if !outside.is_empty() {
+        let (file, count) = (input.name().display(), counted(outside.len(), "reading"));
+        progress::say(format!("{file}: {count} outside {low} to {high} nm, the table of coefficients, left out"));
+    }
+    Ok(())
+}
+
+/// One leaf from its readings with their wavelengths, in any order.
+fn answer(model: &PlateFitModel, wavelengths: &[f64], mut readings: Vec<(f64, PlateReading)>) -> OutputRow {
+    for (at, r) in &mut readings {
+        r.light = wavelengths.partition_point(|w| *w < *at);
+    }
+    readings.sort_by_key(|(_, r)| (r.light, r.through));
+    model.fit(&readings.into_iter().map(|(_, r)| r).collect::<Vec<_>>())
+}
+
+/// One row for each leaf. Also returns whether the noise is stated.
+fn wide(
+    args: &Args,
+    common: &CommonArgs,
+    input: InputTable,
+    coefficients: &PlateCoefficients,
+) -> Result<(RowTally, bool)> {
+    if args.plots.is_some() {
+        return Err(Error::Usage("--plots draws spectra of the layered leaf in long form".into()));
+    }
+    let found = spectra::wide(&input);
+    if found.readings.is_empty() {
+        return Err(spectra::nothing(&input, &found, TAKES));
+    }
+    within(&input, coefficients, &found.readings.iter().map(|c| c.wavelength).collect::<Vec<_>>())?;
+    let [low, high] = coefficients.range();
+    let inside = |c: &SpectrumColumn| (low..=high).contains(&c.wavelength);
+    let columns: Vec<SpectrumColumn> = found.readings.into_iter().filter(inside).collect();
+    let (model, wavelengths) = model(args, coefficients, columns.iter().map(|c| c.wavelength).collect());
+    let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
+    let shares = ReadingUnit::of(&input, &names, args.percent)?;
+    let spec = asked_of(&columns, &[], PlateFitModel::outputs());
+    let stated = noise_is_stated(args, &input, &columns);
+    let name = input.name().to_path_buf();
+    let batch = Batch::open(input, &args.io.rows(common.json), &spec)?;
+    let (n, left) = (columns.len(), Omissions::default());
+    let tally = batch.run(|row, out| {
+        if let Some(why) = shares.refuse(names.iter().map(String::as_str).zip(row.all().iter().copied())) {
+            return out.push(OutputRow::refused(why));
+        }
+        let lit = match side(row.text(0)) {
+            Ok(lit) => lit,
+            Err(why) => return out.push(OutputRow::refused(why)),
+        };
+        let mut bad: Vec<String> = row.faults().map(|(_, why)| why.to_string()).collect();
+        let mut readings = Vec::new();
+        for (k, c) in columns.iter().enumerate() {
+            let (value, err) = (shares.scale * row.get(k), shares.scale * row.get(n + k));
+            if value.is_nan() || row.faults().any(|(place, _)| place == n + k) {
+                continue;
+            }
+            match impossible(c, value) {
+                _ if c.side.unwrap_or(lit) == Side::Back => bad.push(format!("{} is of {BELOW}", c.name)),
+                Some(why) => bad.push(why),
+                None => readings.push((c.wavelength, PlateReading { light: 0, through: c.through, value, err })),
+            }
+        }
+        if let (true, Some(why)) = (readings.is_empty(), bad.first()) {
+            return out.push(OutputRow::refused(format!("no reading can be used: {why}")));
+        }
+        bad.into_iter().for_each(|why| left.add(row.line(), why));
+        out.push(answer(&model, &wavelengths, readings));
+    })?;
+    left.say(&name);
+    Ok((tally, stated))
+}
+
+/// One row for each wavelength. Also returns whether the noise is stated.
+fn long(
+    args: &Args,
+    common: &CommonArgs,
+    input: InputTable,
+    form: &spectra::LongSpectra,
+    coefficients: &PlateCoefficients,
+) -> Result<(RowTally, bool)> {
+    if args.plots.is_some() {
+        return Err(Error::Usage("--plots draws spectra of the layered leaf".into()));
+    }
+    let (columns, name) = (&form.readings, input.name().to_path_buf());
+    if columns.is_empty() {
+        let what = format!("no columns of readings; expected R or T beside {}", form.wavelength);
+        return Err(Error::input(&name, what));
+    }
+    let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
+    let shares = ReadingUnit::of(&input, &names, args.percent)?;
+    let stated = noise_is_stated(args, &input, columns);
+    let mut spec = asked_of(columns, &[], PlateFitModel::outputs());
+    spec.required = vec![form.wavelength.clone()];
+    spec.physical.push(PhysicalRange::not_negative(spec.required.clone()));
+    let groups = spectra::leaves(input, &spec)?;
+    let sink = groups.open(&args.io.rows(common.json))?;
+    let at = |row: &GroupRow| spectra::in_nm(row.values[0], form.unit_nm);
+    let [low, high] = coefficients.range();
+    let all: Vec<f64> = groups.rows().map(at).filter(|w| (low..=high).contains(w)).collect();
+    if all.is_empty() {
+        let what = format!("no reading is within {low} to {high} nm, which the coefficients have");
+        return Err(Error::input(&name, what));
+    }
+    let (model, wavelengths) = model(args, coefficients, all);
+    let n = columns.len();
+    let tally = groups.run_into(sink, &spec, |_, rows, left| {
+        let (mut readings, mut bad): (Vec<(f64, PlateReading)>, Option<String>) = Default::default();
+        for row in rows {
+            let lit = match side(row.texts[0].as_deref()) {
+                Ok(lit) => lit,
+                Err(why) => {
+                    bad.get_or_insert(why);
+                    continue;
+                }
+            };
+            for (k, c) in columns.iter().enumerate() {
+                let (value, err) = (shares.scale * row.values[1 + k], shares.scale * row.values[1 + n + k]);
+                if value.is_nan() || !(low..=high).contains(&at(row)) {
+                    continue;
+                }
+                let why = match c.side.unwrap_or(lit) {
+                    Side::Back => Some(format!("{} is of {BELOW}", c.name)),
+                    Side::Front => impossible(c, value),
+                };
+                match why {
+                    Some(why) => {
+                        left.add(row.line, why.clone());
+                        bad.get_or_insert(why);
+                    }
+                    None => readings.push((at(row), PlateReading { light: 0, through: c.through, value, err })),
+                }
+            }
+        }
+        if let Some(why) = shares.refuse(readings.iter().map(|(_, r)| ("R or T", r.value))) {
+            return OutputRow::refused(why);
+        }
+        match bad.filter(|_| readings.is_empty()) {
+            Some(why) => OutputRow::refused(format!("no reading can be used: {why}")),
+            None => answer(&model, &wavelengths, readings),
+        }
+    })?;
+    Ok((tally, stated))
+}
