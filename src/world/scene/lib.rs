@@ -17,8 +17,8 @@ pub mod path_tracing;
 pub mod placed;
 pub mod plan;
 pub mod transfer;
-#[cfg(feature = "render")]
 pub mod verdict;
+#[cfg(feature = "render")]
 pub mod web;
 #[cfg(feature = "render")]
 pub mod window;
