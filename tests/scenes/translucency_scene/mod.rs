@@ -338,7 +338,11 @@ fn a_leaf_may_be_drawn_from_another_ones_data() {
     let text = std::fs::read_to_string(&path).unwrap();
     for (from, to, word) in [
         ("like = \"elm\"", "like = \"oak\"", "oak"),
-        ("like = \"elm\"", "like = \"elm\"\nfit = \"fits/elm\"", "of its own"),
+        (
+            "like = \"elm\"",
+            "like = \"elm\"\nfit = \"fits/elm\"",
+            "leaf.fit: given, but leaf \"plain\" is like another one",
+        ),
         ("like = \"elm\"", "like = \"plain\"", "like another one itself"),
     ] {
         std::fs::write(&path, text.replace(from, to)).unwrap();
