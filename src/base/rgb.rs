@@ -47,6 +47,13 @@ impl<T> Rgb<T> {
     }
 }
 
+impl<A: Copy, B: Copy> Rgb<(A, B)> {
+    /// The first of each channel's pair, and the second.
+    pub fn unzip(self) -> (Rgb<A>, Rgb<B>) {
+        (self.map(|pair| pair.0), self.map(|pair| pair.1))
+    }
+}
+
 impl Rgb {
     /// The largest channel; one that is no number does not count.
     pub fn largest(self) -> f64 {

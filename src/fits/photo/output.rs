@@ -9,6 +9,7 @@ use crate::leaf::faults::thickness;
 use crate::leaf::faults::transmittance;
 use crate::leaf_folder::{BLADE, LeafFitFile, filling, previews};
 use crate::record::{FitParameter, FitRecord, RecordSection, ResidualStatistics};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::photo::{PhotoManifest, PhotoMaps};
 use mesophyll_capture::truth_path;
 use mesophyll_files::hash;
@@ -178,13 +179,11 @@ fn section(manifest: &PhotoManifest, reduced: &PhotoMaps, fitted: &PhotoSideFit)
     }
     s.terminations.insert(format!("leaf_wide:{}", fitted.wide.termination.name()), 1);
     let [h, h_err] = manifest.thickness();
-    let parameter = |quantity: Quantity, value: [f64; 3], relative: [f64; 3]| {
+    let parameter = |quantity: Quantity, value: Rgb, relative: Rgb| {
         let open = |c: &usize| !(relative[*c] <= inverse::DETERMINED && value[*c].is_finite());
         FitParameter {
             value: value.to_vec(),
-            stderr: (0..3)
-                .map(|c| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY })
-                .collect(),
+            stderr: value.zip(relative, |v, r| if r.is_finite() { v * r } else { f64::INFINITY }).to_vec(),
             stderr_caliper: value.iter().map(|v| v * h_err / h).collect(),
             unit: "1/mm".into(),
             undetermined: (0..3)
