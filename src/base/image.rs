@@ -27,14 +27,15 @@ impl ImageSize {
         [k % self.width, k / self.width]
     }
 
-    /// Which texel is at this column and row, if one is.
-    pub fn texel(self, [column, row]: [usize; 2]) -> Option<usize> {
-        (column < self.width && row < self.height).then(|| row * self.width + column)
+    /// The middle of texel `k`, in texels from the upper left corner.
+    pub fn middle(self, k: usize) -> [f64; 2] {
+        self.position(k).map(|v| v as f64 + 0.5)
     }
 
-    /// Columns and rows of all texels.
-    pub fn positions(self) -> impl Iterator<Item = [usize; 2]> {
-        (0..self.texels()).map(move |k| self.position(k))
+    /// Which texel is at this column and row, if one is. Numbers with a sign may lie left of the image or above it.
+    pub fn texel<N: TryInto<usize>>(self, at: [N; 2]) -> Option<usize> {
+        let [Ok(column), Ok(row)] = at.map(TryInto::<usize>::try_into) else { return None };
+        (column < self.width && row < self.height).then(|| row * self.width + column)
     }
 
     /// The texels left, right, above and below of texel `k`, as far as they exist.
@@ -61,29 +62,34 @@ pub struct Image<T> {
 }
 
 impl<T> Image<T> {
-    /// An image of these texels; none where there are more or fewer than the size says.
-    pub fn new(size: ImageSize, pixels: Vec<T>) -> Option<Image<T>> {
-        (pixels.len() == size.texels()).then_some(Image { size, pixels })
-    }
-
-    /// Makes the texels one after the other, from their columns and rows.
-    pub fn of(size: ImageSize, make: impl FnMut([usize; 2]) -> T) -> Image<T> {
-        Image { size, pixels: size.positions().map(make).collect() }
+    /// Makes the texels one after the other, by their number.
+    pub fn of(size: ImageSize, make: impl FnMut(usize) -> T) -> Image<T> {
+        Image { size, pixels: (0..size.texels()).map(make).collect() }
     }
 
     /// What is at this column and row, if the image reaches there.
-    pub fn get(&self, at: [usize; 2]) -> Option<&T> {
+    pub fn get<N: TryInto<usize>>(&self, at: [N; 2]) -> Option<&T> {
         self.pixels.get(self.size.texel(at)?)
     }
 
-    /// The rows from the top.
-    pub fn rows(&self) -> impl Iterator<Item = &[T]> {
-        self.pixels.chunks(self.size.width.max(1))
+    /// An image of what `make` gives for each texel of both.
+    pub fn zip<U, V>(&self, other: &Image<U>, make: impl Fn(&T, &U) -> V) -> Image<V> {
+        Image { size: self.size, pixels: self.pixels.iter().zip(&other.pixels).map(|(a, b)| make(a, b)).collect() }
     }
+}
 
-    /// An image of what `make` gives for each texel.
-    pub fn map<U>(self, make: impl FnMut(T) -> U) -> Image<U> {
-        Image { size: self.size, pixels: self.pixels.into_iter().map(make).collect() }
+impl Image<f64> {
+    /// The bilinear value between the middles of texels, which have whole numbers; clamped at the edges.
+    pub fn bilinear(&self, column: f64, row: f64) -> f64 {
+        let ImageSize { width, height } = self.size;
+        let x = column.clamp(0.0, (width - 1) as f64);
+        let y = row.clamp(0.0, (height - 1) as f64);
+        let (i, j) = ((x as usize).min(width.saturating_sub(2)), (y as usize).min(height.saturating_sub(2)));
+        let (i1, j1) = ((i + 1).min(width - 1), (j + 1).min(height - 1));
+        let (fx, fy) = (x - i as f64, y - j as f64);
+        let top = self[j * width + i] * (1.0 - fx) + self[j * width + i1] * fx;
+        let low = self[j1 * width + i] * (1.0 - fx) + self[j1 * width + i1] * fx;
+        top * (1.0 - fy) + low * fy
     }
 }
 
@@ -114,12 +120,21 @@ mod tests {
 
     #[test]
     fn texels_are_found_by_column_and_row() {
-        let mut image = Image::of(ImageSize::new(3, 2), |[i, j]| 10 * j + i);
+        let size = ImageSize::new(3, 2);
+        assert_eq!((size.texels(), size.middle(5)), (6, [2.5, 1.5]));
+        let mut image = Image::of(size, |k| size.position(k)[0] + 10 * size.position(k)[1]);
         assert_eq!((image.get([2, 1]), image.get([3, 0]), image.get([0, 2])), (Some(&12), None, None));
-        assert!(image.size.positions().enumerate().all(|(k, at)| image.size.texel(at) == Some(k)));
+        assert_eq!((image.get([-1, 1]), image.get([1, -1])), (None, None));
+        assert!((0..6).all(|k| size.texel(size.position(k)) == Some(k)));
         image[3] = 7;
-        let doubled = image.map(|v| 2 * v);
-        assert_eq!(doubled.rows().collect::<Vec<_>>(), [[0, 2, 4], [14, 22, 24]]);
-        assert_eq!(Image::new(doubled.size, vec![0; 5]), None);
+        assert_eq!(image.zip(&image, |a, b| a + b).pixels, [0, 2, 4, 14, 22, 24]);
+    }
+
+    #[test]
+    fn values_between_texels_are_those_of_a_plane_and_end_at_the_edges() {
+        let size = ImageSize::new(4, 3);
+        let image = Image::of(size, |k| size.position(k)[0] as f64 + 10.0 * size.position(k)[1] as f64);
+        assert!((image.bilinear(1.25, 0.5) - 6.25).abs() < 1e-12);
+        assert_eq!((image.bilinear(-2.0, 9.0), image.bilinear(7.0, -1.0)), (20.0, 3.0));
     }
 }

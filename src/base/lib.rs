@@ -1,6 +1,6 @@
 //! What every room stands on: the one error, integration, order statistics, Chebyshev polynomials, Fourier transforms,
-//! least squares, the instruction sets of processors, images and their channels, and the names and formulas of a leaf's surface. This room reads
-//! no files.
+//! least squares, the instruction sets of processors, images and their channels, and the names and formulas of a leaf's
+//! surface. This room reads no files.
 
 pub mod chebyshev;
 pub mod error;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use std::iter::Sum;
-use std::ops::{Add, AddAssign, Deref, DerefMut, Div, Mul, MulAssign, Sub};
+use std::ops::{Add, AddAssign, Deref, DerefMut, Div, DivAssign, Mul, MulAssign, Sub, SubAssign};
 
 /// One value for each of red, green and blue: a colour, or anything that is computed for each channel alone. It can be
 /// read wherever an array of three is. Points, normals and directions are arrays or vectors, because their parts mix.
@@ -54,13 +54,6 @@ impl<A: Copy, B: Copy> Rgb<(A, B)> {
     }
 }
 
-impl Rgb {
-    /// The largest channel; one that is no number does not count.
-    pub fn largest(self) -> f64 {
-        self.0.into_iter().fold(f64::NEG_INFINITY, f64::max)
-    }
-}
-
 impl<T> Deref for Rgb<T> {
     type Target = [T; 3];
     fn deref(&self) -> &[T; 3] {
@@ -102,8 +95,16 @@ impl<'a, T> IntoIterator for &'a Rgb<T> {
     }
 }
 
+impl<'a, T> IntoIterator for &'a mut Rgb<T> {
+    type Item = &'a mut T;
+    type IntoIter = std::slice::IterMut<'a, T>;
+    fn into_iter(self) -> Self::IntoIter {
+        self.0.iter_mut()
+    }
+}
+
 macro_rules! channel_by_channel {
-    ($operator:ident, $method:ident) => {
+    ($operator:ident, $method:ident, $assigning:ident, $assign:ident) => {
         impl<T: Copy + $operator<Output = T>> $operator for Rgb<T> {
             type Output = Rgb<T>;
             #[inline]
@@ -127,34 +128,23 @@ macro_rules! channel_by_channel {
                 other.map(|value| self.$method(value))
             }
         }
+
+        impl<T: Copy, U> $assigning<U> for Rgb<T>
+        where
+            Rgb<T>: $operator<U, Output = Rgb<T>>,
+        {
+            #[inline]
+            fn $assign(&mut self, other: U) {
+                *self = self.$method(other);
+            }
+        }
     };
 }
 
-channel_by_channel!(Add, add);
-channel_by_channel!(Sub, sub);
-channel_by_channel!(Mul, mul);
-channel_by_channel!(Div, div);
-
-impl<T: Copy + Add<Output = T>> AddAssign for Rgb<T> {
-    #[inline]
-    fn add_assign(&mut self, other: Rgb<T>) {
-        *self = *self + other;
-    }
-}
-
-impl<T: Copy + Mul<Output = T>> MulAssign for Rgb<T> {
-    #[inline]
-    fn mul_assign(&mut self, other: Rgb<T>) {
-        *self = *self * other;
-    }
-}
-
-impl<T: Copy + Mul<Output = T>> MulAssign<T> for Rgb<T> {
-    #[inline]
-    fn mul_assign(&mut self, other: T) {
-        *self = *self * other;
-    }
-}
+channel_by_channel!(Add, add, AddAssign, add_assign);
+channel_by_channel!(Sub, sub, SubAssign, sub_assign);
+channel_by_channel!(Mul, mul, MulAssign, mul_assign);
+channel_by_channel!(Div, div, DivAssign, div_assign);
 
 #[cfg(test)]
 mod tests {
@@ -172,11 +162,15 @@ mod tests {
         c *= b;
         c *= 2.0;
         assert_eq!(c, Rgb::of(|k| 2.0 * (1.0 + a[k]) * b[k]));
+        c -= 1.0;
+        c /= b;
+        assert_eq!(c, Rgb::of(|k| (2.0 * (1.0 + a[k]) * b[k] - 1.0) / b[k]));
     }
 
     #[test]
-    fn channels_are_summed_and_compared() {
-        assert_eq!((Rgb([3.0, f64::NAN, 5.0]).largest(), Rgb([3, 4, 5]).sum()), (5.0, 12));
+    fn pairs_come_apart_and_channels_are_summed() {
+        let (first, second) = Rgb([(1, "x"), (2, "y"), (4, "z")]).unzip();
+        assert_eq!((first.sum(), second.0), (7, ["x", "y", "z"]));
     }
 
     #[test]

@@ -99,10 +99,10 @@ fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: 
     let [h, h_err] = manifest.thickness();
     let mut status = seen.status.clone();
     let texel = |k: usize| LeafWideTexel {
-        rho_d: Rgb(seen.rho_d[k]).map(|d| d.max(0.0)),
-        rho_d_err: seen.rho_d_err[k].into(),
-        rho_t: seen.rho_t[k].into(),
-        rho_t_floor: Rgb(seen.rho_t_err[k]).map(|e| e.max(1e-9)),
+        rho_d: seen.rho_d[k].map(|d| d.max(0.0)),
+        rho_d_err: seen.rho_d_err[k],
+        rho_t: seen.rho_t[k],
+        rho_t_floor: seen.rho_t_err[k].map(|e| e.max(1e-9)),
         covariance: Rgb::default(),
     };
     let gather = |status: &[i16]| {

@@ -53,7 +53,7 @@ pub fn write(
     // Open shade shows no normals, so the blade is flat.
     let flat = vec![Some([0.0; 2]); grid.width * grid.height];
     let through: Vec<[f32; 3]> =
-        reduced.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
+        reduced.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 }).0).collect();
     if let Some(blade) = mesh::build(&grid, &reduced.mask, Some(&through), &flat) {
         glb::write(&out.join(BLADE), &manifest.name, &blade)?;
         let figures = [("blade_area_mm2", blade.area), ("blade_vertices", blade.positions.len() as f64)];
@@ -90,7 +90,7 @@ fn describe(manifest: &PhotoManifest, reduced: &PhotoMaps, record: &mut FitRecor
         "scale",
         format!("{:.6} mm a pixel ± {:.2} % by {by}", reduced.scale.pixel_mm, 100.0 * reduced.scale.relative_err),
     );
-    let [r, g, b] = reduced.noise.photon;
+    let [r, g, b] = reduced.noise.photon.0;
     let photon = if reduced.noise.stated { format!("{g:.3e}") } else { format!("({r:.3e}, {g:.3e}, {b:.3e})") };
     let measured = if reduced.noise.stated { "" } else { " (red, green, blue; measured on the card)" };
     say(
