@@ -2,6 +2,7 @@
 
 use super::slab::{At, Slab, Variance};
 use super::{Off, Seen, Setup, TEXELS, sample};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::slab::response_with_partials;
@@ -28,7 +29,7 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
 struct Chain<'a, 'b> {
     seen: &'b Seen<'a>,
     variance: Variance<'b>,
-    slabs: [Slab; 3],
+    slabs: Rgb<Slab>,
     /// Relative error of the mean thickness.
     caliper: f64,
     thickness: &'b [f32],
@@ -43,8 +44,8 @@ struct Chain<'a, 'b> {
 
 /// One texel's slabs: the leaf's at its thickness, and the relative variance of the thickness that ρt leaves.
 struct Texel {
-    leaf: [At; 3],
-    weight: [f64; 3],
+    leaf: Rgb<At>,
+    weight: Rgb,
     spread: f64,
 }
 
@@ -55,7 +56,7 @@ impl<'a, 'b> Chain<'a, 'b> {
         Some(Chain {
             seen,
             variance: Variance::of(seen)?,
-            slabs: [0, 1, 2].map(|c: usize| Slab::new(a[c], s[c], h)),
+            slabs: a.zip(s, |a, s| Slab::new(a, s, h)),
             caliper: seen.param(Quantity::Thickness)?.stderr.first()? / h,
             thickness: seen.maps.scalar(Quantity::Thickness)?,
             gamma: seen.maps.three(Quantity::Gamma)?,
@@ -91,8 +92,8 @@ impl<'a, 'b> Chain<'a, 'b> {
     /// Thickness, then γ, σa and σs a channel each.
     fn texel(&self, k: usize, out: &mut [Off]) {
         let t = f64::from(self.thickness[k]);
-        let leaf = [0, 1, 2].map(|c: usize| self.slabs[c].at(t));
-        let weight = [0, 1, 2].map(|c: usize| 1.0 / self.variance.at(c, k, leaf[c].rho_t));
+        let leaf = Rgb::of(|c| self.slabs[c].at(t));
+        let weight = Rgb::of(|c| 1.0 / self.variance.at(c, k, leaf[c].rho_t));
         // Three transmittances of one thickness: the inverse variances of ln t add up.
         let information: f64 = (0..3).map(|c| weight[c] * (leaf[c].rho_t * leaf[c].slope_t).powi(2)).sum();
         let at = Texel { leaf, weight, spread: 1.0 / information };

@@ -2,6 +2,7 @@
 
 use super::slab::{Slab, Variance};
 use super::{CAUSE, CLOSE, Off, Seen, Setup, TEXELS, figure, sample};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::slab;
 use rayon::prelude::*;
@@ -13,7 +14,7 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
         return;
     };
     let Some(planes) = Planes::of(seen) else { return };
-    let slabs = [0, 1, 2].map(|c: usize| Slab::new(sigma_a[c], sigma_s[c], h));
+    let slabs = sigma_a.zip(sigma_s, |a, s| Slab::new(a, s, h));
     let leaf = Leaf { seen, planes, sigma_a, sigma_s, slabs, h };
     match seen.setup {
         Setup::Dome => leaf.dome(out),
@@ -46,9 +47,9 @@ impl<'a> Planes<'a> {
 struct Leaf<'a, 'b> {
     seen: &'b Seen<'a>,
     planes: Planes<'a>,
-    sigma_a: [f64; 3],
-    sigma_s: [f64; 3],
-    slabs: [Slab; 3],
+    sigma_a: Rgb,
+    sigma_s: Rgb,
+    slabs: Rgb<Slab>,
     /// Mean thickness (mm).
     h: f64,
 }

@@ -32,6 +32,7 @@ mod slab;
 use crate::leaf_folder::{LeafFit, LeafFitFile};
 use crate::record::{FitKind, FitParameter, FitRecord, RECORD, RecordSection};
 use crate::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::image::{ChannelMaps, read_exr};
 use mesophyll_files::progress;
 use mesophyll_files::quantity::Quantity;
@@ -235,8 +236,9 @@ impl<'a> Seen<'a> {
     }
 
     /// Three numbers of the record, where it has them.
-    fn three(&self, quantity: Quantity) -> Option<[f64; 3]> {
-        <[f64; 3]>::try_from(self.param(quantity)?.value.as_slice()).ok().filter(|v| v.iter().all(|x| x.is_finite()))
+    fn three(&self, quantity: Quantity) -> Option<Rgb> {
+        let channels = <[f64; 3]>::try_from(self.param(quantity)?.value.as_slice()).ok()?;
+        channels.iter().all(|x| x.is_finite()).then_some(Rgb(channels))
     }
 
     fn param(&self, quantity: Quantity) -> Option<&FitParameter> {

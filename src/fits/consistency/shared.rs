@@ -7,6 +7,7 @@ use crate::leaf::leaf_wide::{self, LeafWideSettings, LeafWideTexel};
 use crate::leaf::sides::{APART, APART_IN_ERRORS, SECTION};
 use crate::record::fault::FaultGrade;
 use crate::record::{FitRecord, RECORD, RecordSection};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::quantity::{Quantity, RGB};
 use std::path::Path;
 
@@ -36,7 +37,7 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
         return;
     };
     let Some(texels) = texels(seen, relative) else { return };
-    let start = [0, 1, 2].map(|c: usize| [told.0[c], told.1[c]]);
+    let start = told.0.zip(told.1, |a, s| [a, s]);
     let common = indeterminacy::common(&texels, 0.0);
     let solve = |common| {
         let incidence = Incidence(1.0);
@@ -73,8 +74,9 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
 /// The readings of the good texels, or of evenly spread ones.
 fn texels(seen: &Seen, relative: f64) -> Option<Vec<LeafWideTexel>> {
     let errors = seen.errors.as_ref()?;
-    let three =
-        |maps: &mesophyll_files::image::ChannelMaps, q, k: usize| maps.three(q).map(|p| p.map(|c| f64::from(c[k])));
+    let three = |maps: &mesophyll_files::image::ChannelMaps, q, k: usize| {
+        maps.three(q).map(|p| Rgb(p).map(|c| f64::from(c[k])))
+    };
     sample(&seen.good, TEXELS)
         .map(|k| {
             let (rho_t, e) = (three(seen.maps, Quantity::RhoT, k)?, three(errors, Quantity::RhoT, k)?);
@@ -83,8 +85,8 @@ fn texels(seen: &Seen, relative: f64) -> Option<Vec<LeafWideTexel>> {
                 rho_d: three(seen.maps, Quantity::RhoD, k)?,
                 rho_d_err: three(errors, Quantity::RhoD, k)?,
                 rho_t,
-                rho_t_floor: [0, 1, 2].map(floor),
-                covariance: [0.0; 3],
+                rho_t_floor: Rgb::of(floor),
+                covariance: Rgb::default(),
             })
         })
         .collect()

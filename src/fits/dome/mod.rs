@@ -13,6 +13,7 @@ use crate::leaf::slabmaps::{SigmaEstimate, SlabInverter};
 use crate::record::FitKind;
 use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::dome::DomeCapture;
 use mesophyll_capture::dome::reduction::{DomeMaps, Options as Reduction, reduce};
 use mesophyll_optics::side::Side;
@@ -40,11 +41,11 @@ pub struct DomeSideFit {
     /// Thickness (mm) of every texel.
     pub thickness: Vec<f64>,
     /// The mean tissue of each channel.
-    pub slab: [DomeSlabFit; 3],
+    pub slab: Rgb<DomeSlabFit>,
     /// σa and σs with their standard errors, a texel and channel; NaN where a texel is not good.
-    pub sigma: Vec<[SigmaEstimate; 3]>,
+    pub sigma: Vec<Rgb<SigmaEstimate>>,
     /// γ and its standard error.
-    pub gamma: Vec<[[f64; 2]; 3]>,
+    pub gamma: Vec<Rgb<[f64; 2]>>,
 }
 
 /// Fits the capture into the folder `out`.
@@ -104,15 +105,15 @@ fn interior(capture: &DomeCapture, reduced: &DomeMaps, name: Side) -> Result<Dom
         rho_d_err: side.albedo_err[k][c],
         rho_t_err: side.transmittance_err[k][c],
     };
-    let slab = [0, 1, 2]
-        .map(|c| slab::fit(&good.iter().map(|&k| texel(k, c)).collect::<Vec<_>>(), shared, ["R", "G", "B"][c]));
+    let slab =
+        Rgb::of(|c| slab::fit(&good.iter().map(|&k| texel(k, c)).collect::<Vec<_>>(), shared, ["R", "G", "B"][c]));
     let inverter = SlabInverter::new(Incidence(1.0));
     let unknown = SigmaEstimate { value: [f64::NAN; 2], error: [f64::NAN; 2] };
     let (sigma, gamma) = (0..side.status.len())
         .into_par_iter()
         .map(|k| {
             if side.status[k] != 1 {
-                return ([unknown; 3], [[f64::NAN; 2]; 3]);
+                return (Rgb::splat(unknown), Rgb::splat([f64::NAN; 2]));
             }
             // σ is inversely proportional to the thickness, and each texel's thickness has noise of its own.
             let relative = thickness_err[k] / thickness[k];
@@ -123,8 +124,7 @@ fn interior(capture: &DomeCapture, reduced: &DomeMaps, name: Side) -> Result<Dom
                 let model = mesophyll_optics::slab::response(slab[c].sigma_a[0], slab[c].sigma_s[0], t.thickness).rho_d;
                 (s, [t.rho_d / model, t.rho_d_err / model])
             };
-            let [r, g, b] = [channel(0), channel(1), channel(2)];
-            ([r.0, g.0, b.0], [r.1, g.1, b.1])
+            Rgb::of(channel).unzip()
         })
         .unzip();
     Ok(DomeSideFit { side: name, status: side.status.clone(), thickness, slab, sigma, gamma })

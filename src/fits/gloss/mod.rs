@@ -18,6 +18,7 @@ mod texel;
 
 pub use texel::{GlossFitWorkspace, GlossTexelFitter};
 
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::solvers::Termination;
 use mesophyll_files::table::{OutputRow, Status};
 use mesophyll_optics::gloss::Lobe;
@@ -53,9 +54,9 @@ impl GlossFitDevice {
     pub fn noise(&self) -> ReadingNoise {
         ReadingNoise {
             relative: self.noise_relative,
-            floor: [self.noise_floor; 3],
-            dark: [0.0; 3],
-            dark_error: [0.0; 3],
+            floor: Rgb::splat(self.noise_floor),
+            dark: Rgb::default(),
+            dark_error: Rgb::default(),
         }
     }
 }
@@ -68,12 +69,12 @@ pub struct ReadingNoise {
     /// The part of the noise that grows with the signal, as a share of it.
     pub relative: f64,
     /// The part of the noise that does not depend on the signal, a channel each.
-    pub floor: [f64; 3],
+    pub floor: Rgb,
     /// The dark level that was subtracted from the readings. This part of the signal does not depend on light, but it
     /// has noise.
-    pub dark: [f64; 3],
+    pub dark: Rgb,
     /// Standard deviation of that dark level as measured. It is not fitted; it widens the errors.
-    pub dark_error: [f64; 3],
+    pub dark_error: Rgb,
 }
 
 impl ReadingNoise {

@@ -4,6 +4,7 @@
 use super::leaf_wide::{LeafSharedErrors, LeafWideTexel};
 use super::texels;
 use crate::leaf::noise::CameraNoise;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::slab::inverse::{self, SlabEstimate};
@@ -28,7 +29,7 @@ pub fn common(texels: &[LeafWideTexel], unseen: f64) -> LeafSharedErrors {
     // E[max(0, x)] − μ = φ(z) − z Q(z) errors. Here a rational approximation is used, which is exact in value and slope
     // at 0, and for large z.
     let lift = |z: f64| 0.398_942_28 * (-0.5 * z * z).exp() / (1.0 + 1.253_314_1 * z + z * z);
-    let own = [0, 1, 2].map(|c: usize| {
+    let own = Rgb::of(|c| {
         let sum: f64 = texels.iter().map(|x| x.rho_d[c]).sum();
         let lifted: f64 = texels
             .iter()
@@ -105,18 +106,17 @@ mod tests {
         // about that large.
         let texels: Vec<LeafWideTexel> = (0..20_000)
             .map(|_| LeafWideTexel {
-                rho_d: [normal().max(0.0) * 1e-3; 3],
-                rho_d_err: [1e-3; 3],
-                rho_t: [0.2 + 1e-3 * normal(), 1e-4 * normal(), 1.0],
-                rho_t_floor: [1e-4; 3],
-                covariance: [0.0; 3],
+                rho_d: Rgb::splat(normal().max(0.0) * 1e-3),
+                rho_d_err: Rgb::splat(1e-3),
+                rho_t: Rgb([0.2 + 1e-3 * normal(), 1e-4 * normal(), 1.0]),
+                rho_t_floor: Rgb::splat(1e-4),
+                ..LeafWideTexel::default()
             })
             .collect();
         let own = common(&texels, 0.0).own[0];
         assert!((0.5..1.5).contains(&own), "{own}");
         // Well above zero the cut has no effect.
-        let bright: Vec<LeafWideTexel> =
-            texels.iter().map(|x| LeafWideTexel { rho_d: x.rho_d.map(|d| d + 0.01), ..*x }).collect();
+        let bright: Vec<LeafWideTexel> = texels.iter().map(|x| LeafWideTexel { rho_d: x.rho_d + 0.01, ..*x }).collect();
         assert!(common(&bright, 0.0).own[0] < 1e-6);
         assert!(opaque(&texels, 1, |_, _| 1e-4) && !opaque(&texels, 0, |_, _| 1e-3));
     }

@@ -6,7 +6,7 @@ use super::texels;
 use crate::Result;
 use crate::leaf::curve::{Incidence, ThicknessCurve};
 use crate::leaf::indeterminacy;
-use crate::leaf::leaf_wide::{self, GaugeSubstitutes, LeafWideFit, LeafWideSettings, LeafWideTexel};
+use crate::leaf::leaf_wide::{self, GaugeSubstitutes, LeafWideFit, LeafWideSettings, LeafWideTexel, TexelInterior};
 use crate::leaf::noise::CameraNoise;
 use crate::leaf::outliers;
 use crate::leaf::paper::{self, PaperReduction};
@@ -14,6 +14,7 @@ use crate::leaf::side::SideTransmittance;
 use crate::leaf::slabmaps::{FittedReading, SigmaEstimate, SlabInverter};
 use crate::leaf::{LeafFitMethod, Options};
 use crate::record::FitTimes;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::solvers::Termination;
 use mesophyll_base::statistics::median_of;
 use mesophyll_capture::reader::TubeCapture;
@@ -26,7 +27,19 @@ use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// One side, fitted. Per-texel vectors run over `at`, the good texels' indices.
+/// One good texel: what was measured there, and what the reduction makes of it.
+#[derive(Debug, Clone, Copy)]
+pub struct FittedTexel {
+    /// Index in the image.
+    pub at: usize,
+    pub reading: LeafWideTexel,
+    /// Thickness and γ by the method that was asked for.
+    pub interior: TexelInterior,
+    /// σa and σs of the slab with the texel's own thickness.
+    pub sigma: Rgb<SigmaEstimate>,
+}
+
+/// One side, fitted.
 pub struct LeafSideFit {
     pub side: Side,
     pub measured: SideTransmittance,
@@ -34,27 +47,22 @@ pub struct LeafSideFit {
     pub maps: ChannelMaps,
     /// 1 good, 0 outside, negative a defect.
     pub mask: Vec<i16>,
-    pub at: Vec<u32>,
-    pub texels: Vec<LeafWideTexel>,
-    pub sigma_a: [f64; 3],
-    pub sigma_s: [f64; 3],
+    pub texels: Vec<FittedTexel>,
+    pub sigma_a: Rgb,
+    pub sigma_s: Rgb,
     /// Relative standard errors; they include that of the caliper's h.
-    pub sigma_a_rel: [f64; 3],
-    pub sigma_s_rel: [f64; 3],
-    pub thickness: Vec<f64>,
-    pub thickness_err: Vec<f64>,
-    pub gamma: Vec<[f64; 3]>,
-    pub gamma_err: Vec<[f64; 3]>,
-    pub sigma: Vec<[SigmaEstimate; 3]>,
-    /// ρt for a beam along the normal divided by the measured ρt, where the light box was not seen along the normal.
-    pub to_normal: Option<Vec<[f64; 3]>>,
+    pub sigma_a_rel: Rgb,
+    pub sigma_s_rel: Rgb,
+    /// ρt of each good texel for a beam along the normal divided by the measured ρt, where the light box was not seen
+    /// along the normal.
+    pub to_normal: Option<Vec<Rgb>>,
     pub wide: LeafWideFit,
     pub termination: Termination,
     pub figures: BTreeMap<String, f64>,
     /// Reduced χ² of the median texel, where the traces do not match the model of a texel.
     pub unexplained: Option<f64>,
     /// Bounds that the mean texel gives for a channel whose σa or σs is not determined.
-    pub bounds: [Option<String>; 3],
+    pub bounds: Rgb<Option<String>>,
 }
 
 impl LeafSideFit {
@@ -66,8 +74,8 @@ impl LeafSideFit {
             None => plane.iter().map(|t| t[c]).collect(),
             Some(factors) => {
                 let mut out = vec![f32::NAN; plane.len()];
-                for (factor, &k) in factors.iter().zip(&self.at) {
-                    out[k as usize] = (f64::from(plane[k as usize][c]) * factor[c]) as f32;
+                for (factor, x) in factors.iter().zip(&self.texels) {
+                    out[x.at] = (f64::from(plane[x.at][c]) * factor[c]) as f32;
                 }
                 out
             }
@@ -129,56 +137,50 @@ pub fn fit(
     times.traces.insert(format!("{} leaf-wide", measured.side.name()), wide.trace.clone());
 
     let to_normal = (incidence.0 != 1.0).then(|| {
-        let curves = [0, 1, 2].map(|c: usize| ThicknessCurve::new(wide.sigma_a[c], wide.sigma_s[c], h, Incidence(1.0)));
+        let curves = wide.sigma_a.zip(wide.sigma_s, |a, s| ThicknessCurve::new(a, s, h, Incidence(1.0)));
         let factor = |t: f64, c: usize| (curves[c].at(t.ln()).ln_rho_t - wide.curves[c].at(t.ln()).ln_rho_t).exp();
-        wide.locals.iter().map(|l| [0, 1, 2].map(|c: usize| factor(l.thickness, c))).collect()
+        wide.locals.iter().map(|l| Rgb::of(|c| factor(l.thickness, c))).collect()
     });
     let inverter = SlabInverter::new(incidence);
     let rho_t_err = |x: &LeafWideTexel, c: usize| x.variance(c, x.rho_t[c], relative).sqrt();
     let error = |x: &LeafWideTexel, c: usize| [x.rho_d_err[c], rho_t_err(x, c)];
-    let at_h: Vec<[SigmaEstimate; 3]> = texels
-        .par_iter()
-        .map(|x| [0, 1, 2].map(|c: usize| inverter.invert(x.rho_d[c], x.rho_t[c], h, error(x, c))))
-        .collect();
-    let paper = paper::reduce(&texels, &at_h.iter().map(|s| s.map(|c| c.value)).collect::<Vec<_>>(), h);
+    let at_h: Vec<Rgb<[f64; 2]>> =
+        texels.par_iter().map(|x| Rgb::of(|c| inverter.invert(x.rho_d[c], x.rho_t[c], h, error(x, c)).value)).collect();
+    let paper = paper::reduce(&texels, &at_h, h);
     let mut figures = compare(&texels, &wide, &paper, h);
     figures.insert("stand_ins".into(), missing.len() as f64);
 
     let unexplained = indeterminacy::unexplained(&maps, &at, level);
     let gauge = manifest.thickness_err_mm.unwrap_or(0.0) / h;
-    let (mut sigma_a, mut sigma_s, mut rel_a, mut rel_s, termination);
-    let (thickness, thickness_err): (Vec<f64>, Vec<f64>);
-    let (gamma, gamma_err): (Vec<[f64; 3]>, Vec<[f64; 3]>);
+    let (mut sigma_a, mut sigma_s, mut rel_a, mut rel_s, termination, interiors);
     match options.method {
         LeafFitMethod::Exact => {
             let relative = |k: usize| (wide.covariance[(k, k)] + gauge * gauge).sqrt();
             (sigma_a, sigma_s) = (wide.sigma_a, wide.sigma_s);
-            (rel_a, rel_s) = ([0, 2, 4].map(relative), [1, 3, 5].map(relative));
+            (rel_a, rel_s) = (Rgb([0, 2, 4].map(relative)), Rgb([1, 3, 5].map(relative)));
             termination = wide.termination;
-            thickness = wide.locals.iter().map(|l| l.thickness).collect();
-            thickness_err = wide.locals.iter().map(|l| l.thickness_err).collect();
-            gamma = wide.locals.iter().map(|l| l.gamma).collect();
-            gamma_err = wide.locals.iter().map(|l| l.gamma_err).collect();
+            interiors = wide.locals.clone();
         }
         LeafFitMethod::Paper => {
             (sigma_a, sigma_s) = (paper.sigma_a, paper.sigma_s);
-            rel_a = [0, 1, 2].map(|c: usize| (paper.sigma_a_err[c] / paper.sigma_a[c]).hypot(gauge));
-            rel_s = [0, 1, 2].map(|c: usize| (paper.sigma_s_err[c] / paper.sigma_s[c]).hypot(gauge));
+            rel_a = (paper.sigma_a_err / sigma_a).map(|r| r.hypot(gauge));
+            rel_s = (paper.sigma_s_err / sigma_s).map(|r| r.hypot(gauge));
             termination = if sigma_a.iter().chain(&sigma_s).all(|v| v.is_finite()) {
                 Termination::Direct
             } else {
                 Termination::NotFinite
             };
             // Eq. 5 has no solution on dark veins. Their thickness stays unknown (NaN); it is not invented.
-            thickness = paper.thickness.clone();
-            thickness_err = wide.locals.iter().map(|l| l.thickness_err).collect();
-            gamma = paper.gamma.clone();
-            gamma_err = texels
-                .iter()
-                .zip(&gamma)
-                .map(|(x, g)| [0, 1, 2].map(|c: usize| x.rho_d_err[c] * g[c] / x.rho_d[c]))
+            let found = paper.thickness.iter().zip(&paper.gamma).zip(texels.iter().zip(&wide.locals));
+            interiors = found
+                .map(|((&thickness, &gamma), (x, exact))| TexelInterior {
+                    thickness,
+                    gamma,
+                    gamma_err: x.rho_d_err * gamma / x.rho_d,
+                    ..*exact
+                })
                 .collect();
-            for (t, &k) in thickness.iter().zip(&at) {
+            for (t, &k) in paper.thickness.iter().zip(&at) {
                 if t.is_nan() {
                     mask[k as usize] = Defect::Transmission.code();
                 }
@@ -190,7 +192,7 @@ pub fn fit(
         // nothing about thicker slabs.
         (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
     }
-    let bounds = [0, 1, 2].map(|c: usize| {
+    let bounds = Rgb::of(|c| {
         if rel_a[c] <= inverse::DETERMINED && rel_s[c] <= inverse::DETERMINED {
             return None;
         }
@@ -211,31 +213,28 @@ pub fn fit(
             _ => None,
         }
     });
-    let own = |k: usize| if thickness[k].is_finite() && thickness[k] > 0.0 { thickness[k] } else { h };
-    let pigment = |(k, x): (usize, &LeafWideTexel)| {
-        [0, 1, 2].map(|c: usize| {
-            let reading =
-                FittedReading { rho_d: x.rho_d[c], rho_t: x.rho_t[c], error: error(x, c), covariance: x.covariance[c] };
-            inverter.invert_fitted(reading, own(k), &wide.locals[k], c)
-        })
+    let fitted = |(k, reading): (usize, LeafWideTexel)| {
+        let interior: TexelInterior = interiors[k];
+        let known = interior.thickness.is_finite() && interior.thickness > 0.0;
+        let thickness = if known { interior.thickness } else { h };
+        let sigma = Rgb::of(|c| {
+            let (rho_d, rho_t, covariance) = (reading.rho_d[c], reading.rho_t[c], reading.covariance[c]);
+            let seen = FittedReading { rho_d, rho_t, error: error(&reading, c), covariance };
+            inverter.invert_fitted(seen, thickness, &wide.locals[k], c)
+        });
+        FittedTexel { at: at[k] as usize, reading, interior, sigma }
     };
-    let sigma: Vec<[SigmaEstimate; 3]> = texels.par_iter().enumerate().map(pigment).collect();
+    let texels = texels.into_par_iter().enumerate().map(fitted).collect();
     Ok(LeafSideFit {
         side: measured.side,
         measured,
         maps,
         mask,
-        at,
         texels,
         sigma_a,
         sigma_s,
         sigma_a_rel: rel_a,
         sigma_s_rel: rel_s,
-        thickness,
-        thickness_err,
-        gamma,
-        gamma_err,
-        sigma,
         to_normal,
         wide,
         termination,
@@ -249,7 +248,7 @@ pub fn fit(
 fn classify(measured: &SideTransmittance, maps: &ChannelMaps) -> Vec<i16> {
     let code = maps.scalar(Quantity::Mask).unwrap_or(&[]);
     let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
-    let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
+    let rho_d_err = Rgb::of(|c| texels::error(maps, Quantity::RhoD, c));
     let unexplained = outliers::unexplained(maps, &measured.mask);
     (0..code.len())
         .map(|k| {
@@ -288,20 +287,19 @@ impl Good {
     /// `relative`: the noise of ρt relative to ρt. The rest of the standard error is the floor.
     fn gather(measured: &SideTransmittance, maps: &ChannelMaps, mask: &[i16], relative: f64, width: usize) -> Good {
         let rho_d = maps.three(Quantity::RhoD).unwrap_or_default();
-        let rho_d_err = [0, 1, 2].map(|c| texels::error(maps, Quantity::RhoD, c));
-        let by_dark = [0, 1, 2].map(|c| texels::by_dark(maps, c));
+        let rho_d_err = Rgb::of(|c| texels::error(maps, Quantity::RhoD, c));
+        let by_dark = Rgb::of(|c| texels::by_dark(maps, c));
         let texel = |k: usize| {
-            let rho_t = measured.rho_t[k].map(f64::from);
+            let rho_t = Rgb(measured.rho_t[k]).map(f64::from);
             let floor = |c: usize| {
                 (f64::from(measured.rho_t_err[k][c]).powi(2) - (relative * rho_t[c]).powi(2)).max(1e-18).sqrt()
             };
             LeafWideTexel {
-                rho_d: [0, 1, 2].map(|c: usize| f64::from(rho_d[c][k])),
-                rho_d_err: [0, 1, 2].map(|c: usize| f64::from(rho_d_err[c][k])),
+                rho_d: Rgb::of(|c| f64::from(rho_d[c][k])),
+                rho_d_err: Rgb::of(|c| f64::from(rho_d_err[c][k])),
                 rho_t,
-                rho_t_floor: [0, 1, 2].map(floor),
-                covariance: [0, 1, 2]
-                    .map(|c: usize| f64::from(by_dark[c].get(k).unwrap_or(&0.0) * measured.rho_t_by_dark[k][c])),
+                rho_t_floor: Rgb::of(floor),
+                covariance: Rgb::of(|c| f64::from(by_dark[c].get(k).unwrap_or(&0.0) * measured.rho_t_by_dark[k][c])),
             }
         };
         let at: Vec<u32> = (0..mask.len() as u32).filter(|&k| mask[k as usize] == 1).collect();
@@ -311,8 +309,8 @@ impl Good {
 }
 
 /// A start from the leaf's median reflectance and transmittance a channel.
-pub fn start(texels: &[LeafWideTexel], h: f64) -> [[f64; 2]; 3] {
-    [0, 1, 2].map(|c: usize| {
+pub fn start(texels: &[LeafWideTexel], h: f64) -> Rgb<[f64; 2]> {
+    Rgb::of(|c| {
         let d = median_of(texels.iter().map(|x| x.rho_d[c])).unwrap_or(f64::NAN);
         let t = median_of(texels.iter().map(|x| x.rho_t[c])).unwrap_or(f64::NAN).max(1e-4);
         let found = slab::inverse::invert(d, t, h, 1e-3 * d, 1e-3 * t);
@@ -333,14 +331,14 @@ fn compare(texels: &[LeafWideTexel], wide: &LeafWideFit, paper: &PaperReduction,
     let veins = &order[..order.len().div_ceil(10)];
     let exact = |k: usize| {
         let t = wide.locals[k].thickness.ln();
-        [0, 1, 2].map(|c: usize| wide.curves[c].at(t).ln_rho_t.exp())
+        Rgb::of(|c| wide.curves[c].at(t).ln_rho_t.exp())
     };
     // Where Eq. 5 has no thickness, the paper's leaf transmits its smallest possible value, B ω/2.
     let frozen = |k: usize| {
         let t = paper.thickness[k];
         paper::transmittance(paper, if t.is_nan() { f64::INFINITY } else { t })
     };
-    let rms = |list: &[usize], model: &dyn Fn(usize) -> [f64; 3]| {
+    let rms = |list: &[usize], model: &dyn Fn(usize) -> Rgb| {
         let sum: f64 =
             list.iter().map(|&k| (0..3).map(|c| (model(k)[c] - texels[k].rho_t[c]).powi(2)).sum::<f64>()).sum();
         (sum / (3 * list.len()) as f64).sqrt()

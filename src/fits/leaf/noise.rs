@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::gloss::ReadingNoise;
 use crate::leaf::held_out::FrameSplits;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::{NORMAL_MEDIAN, median, median_of};
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::side::Side;
@@ -39,18 +40,19 @@ impl CameraNoise {
     pub fn readings(&self, capture: &TubeCapture, texels: &[[u32; 2]]) -> Vec<ReadingNoise> {
         let width = capture.manifest.width;
         let of = |(t, gain): (&[u32; 2], [f64; 3])| {
+            let gain = Rgb(gain);
             let dark = match capture.dark() {
                 // Noise that was estimated from calibrated traces already contains the part of the dark level.
                 Some(dark) if !self.estimated => {
-                    dark[t[1] as usize * width + t[0] as usize].map(|d| f64::from(d).max(0.0))
+                    Rgb(dark[t[1] as usize * width + t[0] as usize]).map(|d| f64::from(d).max(0.0))
                 }
-                _ => [0.0; 3],
+                _ => Rgb::default(),
             };
             ReadingNoise {
                 relative: self.relative,
-                floor: gain.map(|g| self.camera_floor() / g),
-                dark: std::array::from_fn(|c| if dark[c].is_finite() { dark[c] / gain[c] } else { 0.0 }),
-                dark_error: gain.map(|g| self.dark / g),
+                floor: self.camera_floor() / gain,
+                dark: dark.zip(gain, |d, g| if d.is_finite() { d / g } else { 0.0 }),
+                dark_error: self.dark / gain,
             }
         };
         texels.iter().zip(capture.gain(texels)).map(of).collect()
@@ -75,13 +77,10 @@ pub fn level(capture: &TubeCapture, splits: &FrameSplits) -> Result<CameraNoise>
         }
     };
     let (relative, floor) = (relative.max(LEAST_RELATIVE), floor.max(LEAST_FLOOR));
-    let dark = capture.dark().and_then(|d| roughness(d, m.width, |_, _| [1.0; 3])).map_or(0.0, |r| r.0);
+    let dark = capture.dark().and_then(|d| roughness(d, m.width, |_, _| Rgb::splat(1.0))).map_or(0.0, |r| r.0);
     let empty = capture.lightbox_empty()?;
-    let taken_off = |k: usize| capture.dark().map_or([0.0; 3], |d| d[k].map(|v| f64::from(v).max(0.0)));
-    let of_a_frame = |k: usize, value: [f64; 3]| {
-        let below = taken_off(k);
-        [0, 1, 2].map(|c: usize| (relative * (value[c] + below[c])).hypot(floor * median_gain))
-    };
+    let taken_off = |k: usize| capture.dark().map_or(Rgb::default(), |d| Rgb(d[k]).map(|v| f64::from(v).max(0.0)));
+    let of_a_frame = |k: usize, value: Rgb| (relative * (value + taken_off(k))).map(|v| v.hypot(floor * median_gain));
     // The photograph's own noise, without that of the dark frame which was subtracted.
     let lightbox = roughness(&empty, m.width, of_a_frame)
         .map_or(1.0, |(ratio, frame)| (ratio.powi(2) - (dark / frame).powi(2)).max(0.0).sqrt().clamp(1e-3, 1.0));
@@ -98,12 +97,12 @@ pub fn level(capture: &TubeCapture, splits: &FrameSplits) -> Result<CameraNoise>
 /// this place and value would have. The noise is found from third differences along rows, whose variance is 20 times
 /// that of a sample. Each difference is divided by its own unit, because one median over differences of unequal units
 /// would come out too small.
-fn roughness(image: &[[f32; 3]], width: usize, unit: impl Fn(usize, [f64; 3]) -> [f64; 3]) -> Option<(f64, f64)> {
+fn roughness(image: &[[f32; 3]], width: usize, unit: impl Fn(usize, Rgb) -> Rgb) -> Option<(f64, f64)> {
     let (mut differences, mut units) = (Vec::new(), Vec::new());
     for (row, values) in image.chunks(width).enumerate() {
         for (i, w) in values.windows(4).enumerate() {
             // The smooth value between the middle two.
-            let middle = std::array::from_fn(|c| 0.5 * (f64::from(w[1][c]) + f64::from(w[2][c])));
+            let middle = Rgb::of(|c| 0.5 * (f64::from(w[1][c]) + f64::from(w[2][c])));
             let units_here = unit(row * width + i + 1, middle);
             for c in 0..3 {
                 let [p, q, r, s] = [0, 1, 2, 3].map(|k: usize| f64::from(w[k][c]));
@@ -262,7 +261,7 @@ mod tests {
                 })
             })
             .collect();
-        let (ratio, _) = roughness(&image, width, |_, v| v.map(|v| 0.01 * v)).unwrap();
+        let (ratio, _) = roughness(&image, width, |_, v| 0.01 * v).unwrap();
         assert!((ratio / 0.4 - 1.0).abs() < 0.01, "{ratio}");
     }
 }

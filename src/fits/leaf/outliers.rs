@@ -9,6 +9,7 @@ use super::curve::RANGE;
 use super::defect::{OF_SCANS, failed_reading, of_light_box};
 use super::leaf_wide::{GaugeSubstitutes, LeafWideFit, LeafWideTexel};
 use super::texels;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::{median_of, spread};
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
@@ -61,7 +62,7 @@ pub fn unexplained(maps: &ChannelMaps, mask: &[bool]) -> Vec<bool> {
 
 /// Texels that stand out from the fitted leaf, by their place in `texels`.
 pub fn of_leaf(texels: &[LeafWideTexel], wide: &LeafWideFit, h: f64) -> Vec<(usize, Defect)> {
-    let gamma = [0, 1, 2].map(|c: usize| {
+    let gamma = Rgb::of(|c| {
         let list: Vec<f64> = wide.locals.iter().filter(|l| l.gamma[c] > 0.0).map(|l| l.gamma[c].ln()).collect();
         spread(&list).unwrap_or((f64::NAN, f64::NAN))
     });

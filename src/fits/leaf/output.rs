@@ -6,7 +6,7 @@ use crate::leaf::blade::{self, BladeMesh, TexelGrid, glb};
 use crate::leaf::defect::OF_SCANS;
 use crate::leaf::faults::transmittance;
 use crate::leaf::held_out::{self, FrameSplits, HeldOutJudgement};
-use crate::leaf::interior::LeafSideFit;
+use crate::leaf::interior::{FittedTexel, LeafSideFit};
 use crate::leaf::noise::CameraNoise;
 use crate::leaf::truth::TruthComparison;
 use crate::leaf::{Options, texels};
@@ -16,6 +16,7 @@ use crate::record::scan::ScanRecord;
 use crate::record::{
     DISCARDED, FitParameter, FitRecord, MIRROR, NOISE_SEEN, READINGS, RecordSection, ResidualStatistics,
 };
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::inspection::{TubeInspection, mirror};
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::hash;
@@ -90,8 +91,7 @@ pub fn blade(capture: &TubeCapture, sides: &[LeafSideFit]) -> Option<BladeMesh> 
     let mut slopes: Vec<Option<[f64; 2]>> = vec![None; grid.width * grid.height];
     for fitted in sides {
         let Some([x, y, z]) = fitted.maps.three(Quantity::Normal) else { continue };
-        for &k in &fitted.at {
-            let k = k as usize;
+        for k in fitted.texels.iter().map(|texel| texel.at) {
             let n = [x[k], y[k], z[k]].map(f64::from);
             if !(n[2] > 0.2) {
                 continue;
@@ -188,10 +188,10 @@ fn maps(fitted: &LeafSideFit, capture: &TubeCapture) -> (ChannelMaps, ChannelMap
     let bare = |plane: Vec<f32>| -> Vec<f32> {
         plane.iter().zip(&good).map(|(v, g)| if *g { *v } else { f32::NAN }).collect()
     };
-    let scatter = |value: &dyn Fn(usize) -> f64| {
+    let scatter = |value: &dyn Fn(&FittedTexel) -> f64| {
         let mut plane = vec![f32::NAN; n];
-        for (k, &at) in fitted.at.iter().enumerate() {
-            plane[at as usize] = value(k) as f32;
+        for x in &fitted.texels {
+            plane[x.at] = value(x) as f32;
         }
         plane
     };
@@ -214,15 +214,15 @@ fn maps(fitted: &LeafSideFit, capture: &TubeCapture) -> (ChannelMaps, ChannelMap
     }
     for (q, quantity) in [Quantity::SigmaA, Quantity::SigmaS].into_iter().enumerate() {
         for c in 0..3 {
-            let value = filled(scatter(&|k| fitted.sigma[k][c].value[q]));
-            add(quantity, c, value, scatter(&|k| fitted.sigma[k][c].error[q]));
+            let value = filled(scatter(&|x| x.sigma[c].value[q]));
+            add(quantity, c, value, scatter(&|x| x.sigma[c].error[q]));
         }
     }
-    let thickness = filled(scatter(&|k| fitted.thickness[k]));
-    add(Quantity::Thickness, 0, thickness, scatter(&|k| fitted.thickness_err[k]));
+    let thickness = filled(scatter(&|x| x.interior.thickness));
+    add(Quantity::Thickness, 0, thickness, scatter(&|x| x.interior.thickness_err));
     for c in 0..3 {
-        let gamma = filled(scatter(&|k| fitted.gamma[k][c]));
-        add(Quantity::Gamma, c, gamma, scatter(&|k| fitted.gamma_err[k][c]));
+        let gamma = filled(scatter(&|x| x.interior.gamma[c]));
+        add(Quantity::Gamma, c, gamma, scatter(&|x| x.interior.gamma_err[c]));
     }
     values.add(Quantity::Mask, 0, fitted.mask.iter().map(|m| f32::from(*m)).collect());
     let (chi2, freedom) = texels::chi2(&fitted.maps);
@@ -263,9 +263,9 @@ fn section(
     let spoils =
         |quantity: &str| faults.iter().find(|f| f.grade == FaultGrade::Wrong && f.spoils(fitted.side.name(), quantity));
     let undetermined = if spoils(Quantity::RhoS.name()).is_some() {
-        fitted.at.len()
+        fitted.texels.len()
     } else {
-        fitted.at.iter().filter(|k| undetermined[**k as usize] != 0.0).count()
+        fitted.texels.iter().filter(|x| undetermined[x.at] != 0.0).count()
     };
     s.counts.insert("gloss_undetermined".into(), undetermined);
     let (_, freedom) = texels::chi2(&fitted.maps);
@@ -285,7 +285,7 @@ fn section(
     let chi2: f64 = fitted.wide.locals.iter().map(|l| l.chi2).sum();
     let worst =
         fitted.wide.locals.iter().enumerate().fold((0, 0.0), |a, (k, l)| if l.chi2 > a.1 { (k, l.chi2) } else { a });
-    let at = fitted.at.get(worst.0).map_or(0, |k| *k as usize);
+    let at = fitted.texels.get(worst.0).map_or(0, |x| x.at);
     s.residuals.insert(
         "transmittance".into(),
         ResidualStatistics {
@@ -305,7 +305,7 @@ fn section(
     s.rank = Some(fitted.wide.rank);
     let err = m.thickness_err_mm;
     let caliper = err.unwrap_or(0.0) / m.thickness_mm;
-    let parameter = |quantity: Quantity, value: [f64; 3], relative: [f64; 3]| {
+    let parameter = |quantity: Quantity, value: Rgb, relative: Rgb| {
         let undetermined = (0..3)
             .filter_map(|c| {
                 let name = quantity.channel(c);
@@ -319,8 +319,7 @@ fn section(
                 Some(format!("{name}: relative standard error {:.2}{bounds}", relative[c]))
             })
             .collect();
-        let stderr =
-            [0, 1, 2].map(|c: usize| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY });
+        let stderr = value.zip(relative, |v, r| if r.is_finite() { v * r } else { f64::INFINITY });
         let stderr_caliper = if caliper > 0.0 { value.iter().map(|v| v * caliper).collect() } else { Vec::new() };
         FitParameter {
             value: value.to_vec(),
@@ -354,8 +353,7 @@ fn gloss_residuals(fitted: &LeafSideFit, width: usize) -> ResidualStatistics {
     let (chi2, freedom) = texels::chi2(&fitted.maps);
     let mut r = ResidualStatistics::default();
     let mut total = 0.0;
-    for &k in &fitted.at {
-        let k = k as usize;
+    for k in fitted.texels.iter().map(|x| x.at) {
         let (c, f) = (f64::from(chi2[k]), f64::from(freedom[k]));
         r.chi2 += c;
         total += f;

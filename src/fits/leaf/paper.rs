@@ -5,49 +5,45 @@
 //! logarithm of a negative number wherever ρt falls below B ω/2. Such texels get no δ and are counted.
 
 use crate::leaf::leaf_wide::LeafWideTexel;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_optics::slab;
 
 /// What the paper's reduction finds.
 #[derive(Debug, Clone)]
 pub struct PaperReduction {
-    pub sigma_a: [f64; 3],
-    pub sigma_s: [f64; 3],
+    pub sigma_a: Rgb,
+    pub sigma_s: Rgb,
     /// Standard error of each mean (scatter / √n).
-    pub sigma_a_err: [f64; 3],
-    pub sigma_s_err: [f64; 3],
+    pub sigma_a_err: Rgb,
+    pub sigma_s_err: Rgb,
     /// h + δ (mm); NaN where Eq. 5 has no solution in any channel.
     pub thickness: Vec<f64>,
-    pub gamma: Vec<[f64; 3]>,
+    pub gamma: Vec<Rgb>,
     /// Texels for which the logarithm's argument is negative in at least one channel.
     pub negative_logarithms: usize,
-    pub b_omega_half: [f64; 3],
+    pub b_omega_half: Rgb,
 }
 
 /// Averages per-texel `(σa, σs)` (NaN where a texel's slab is not determined) and applies Eq. 5.
-pub fn reduce(texels: &[LeafWideTexel], sigma: &[[[f64; 2]; 3]], h: f64) -> PaperReduction {
-    let mut mean = [[0.0; 2]; 3];
-    let mut err = [[f64::INFINITY; 2]; 3];
-    for c in 0..3 {
-        for k in 0..2 {
-            let values: Vec<f64> = sigma.iter().map(|s| s[c][k]).filter(|v| v.is_finite()).collect();
-            let n = values.len() as f64;
-            let m = values.iter().sum::<f64>() / n;
-            let variance = values.iter().map(|v| (v - m).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-            mean[c][k] = m;
-            err[c][k] = (variance / n).sqrt();
+pub fn reduce(texels: &[LeafWideTexel], sigma: &[Rgb<[f64; 2]>], h: f64) -> PaperReduction {
+    let mean = |c: usize, k: usize| {
+        let values: Vec<f64> = sigma.iter().map(|s| s[c][k]).filter(|v| v.is_finite()).collect();
+        let n = values.len() as f64;
+        let m = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - m).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        (m, (variance / n).sqrt())
+    };
+    let [(sigma_a, sigma_a_err), (sigma_s, sigma_s_err)] = [0, 1].map(|k| Rgb::of(|c| mean(c, k)).unzip());
+    let sigma_t = sigma_a + sigma_s;
+    // A ω/2 and B ω/2 of the average leaf
+    let (a_half, b_half) = Rgb::of(|c| {
+        if !sigma_t[c].is_finite() {
+            return (0.0, 0.0);
         }
-    }
-    let (mut a_half, mut b_half, mut sigma_t) = ([0.0; 3], [0.0; 3], [0.0; 3]);
-    for c in 0..3 {
-        let [sa, ss] = mean[c];
-        sigma_t[c] = sa + ss;
-        if sigma_t[c].is_finite() {
-            let r = slab::response(sa, ss, h);
-            // A ω/2 and B ω/2 of the average leaf
-            a_half[c] = r.rho_d;
-            b_half[c] = r.rho_t - (-sigma_t[c] * h).exp();
-        }
-    }
+        let r = slab::response(sigma_a[c], sigma_s[c], h);
+        (r.rho_d, r.rho_t - (-sigma_t[c] * h).exp())
+    })
+    .unzip();
     let mut negative = 0;
     let mut thickness = Vec::with_capacity(texels.len());
     let mut gamma = Vec::with_capacity(texels.len());
@@ -61,13 +57,13 @@ pub fn reduce(texels: &[LeafWideTexel], sigma: &[[[f64; 2]; 3]], h: f64) -> Pape
             .collect();
         negative += usize::from(solved.len() < 3);
         thickness.push(if solved.is_empty() { f64::NAN } else { solved.iter().sum::<f64>() / solved.len() as f64 });
-        gamma.push([0, 1, 2].map(|c: usize| x.rho_d[c] / a_half[c]));
+        gamma.push(x.rho_d / a_half);
     }
     PaperReduction {
-        sigma_a: [0, 1, 2].map(|c: usize| mean[c][0]),
-        sigma_s: [0, 1, 2].map(|c: usize| mean[c][1]),
-        sigma_a_err: [0, 1, 2].map(|c: usize| err[c][0]),
-        sigma_s_err: [0, 1, 2].map(|c: usize| err[c][1]),
+        sigma_a,
+        sigma_s,
+        sigma_a_err,
+        sigma_s_err,
         thickness,
         gamma,
         negative_logarithms: negative,
@@ -76,8 +72,8 @@ pub fn reduce(texels: &[LeafWideTexel], sigma: &[[[f64; 2]; 3]], h: f64) -> Pape
 }
 
 /// Transmittance that Eq. 5 gives for a thickness, with B frozen.
-pub fn transmittance(paper: &PaperReduction, thickness: f64) -> [f64; 3] {
-    [0, 1, 2].map(|c: usize| (-(paper.sigma_a[c] + paper.sigma_s[c]) * thickness).exp() + paper.b_omega_half[c])
+pub fn transmittance(paper: &PaperReduction, thickness: f64) -> Rgb {
+    (paper.sigma_a + paper.sigma_s).map(|s| (-s * thickness).exp()) + paper.b_omega_half
 }
 
 #[cfg(test)]
@@ -88,16 +84,16 @@ mod tests {
     fn a_uniform_leaf_is_its_own_average_and_dark_veins_have_no_logarithm() {
         let (sa, ss, h) = ([9.0, 2.6, 22.0], [18.0, 16.0, 21.0], 0.2);
         let texel = |t: f64| {
-            let r = [0, 1, 2].map(|c: usize| slab::response(sa[c], ss[c], t));
+            let r = Rgb::of(|c| slab::response(sa[c], ss[c], t));
             LeafWideTexel {
                 rho_d: r.map(|r| r.rho_d),
-                rho_d_err: [1e-4; 3],
+                rho_d_err: Rgb::splat(1e-4),
                 rho_t: r.map(|r| r.rho_t),
-                rho_t_floor: [1e-9; 3],
-                covariance: [0.0; 3],
+                rho_t_floor: Rgb::splat(1e-9),
+                ..LeafWideTexel::default()
             }
         };
-        let sigma = [0, 1, 2].map(|c: usize| [sa[c], ss[c]]);
+        let sigma = Rgb::of(|c| [sa[c], ss[c]]);
         let paper = reduce(&[texel(h), texel(h), texel(2.5 * h)], &[sigma, sigma, sigma], h);
         assert!((paper.thickness[0] - h).abs() < 1e-9 && (paper.gamma[0][1] - 1.0).abs() < 1e-9);
         assert_eq!(paper.negative_logarithms, 1);

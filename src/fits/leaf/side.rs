@@ -2,6 +2,7 @@
 
 use crate::leaf::noise::CameraNoise;
 use crate::{Error, Result};
+use mesophyll_base::image::ImageSize;
 use mesophyll_capture::lightbox::{mask_from_transmission, transmittance};
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::side::{Side, mirror};
@@ -28,7 +29,7 @@ impl SideTransmittance {
             Some(front) if side == Side::Front => front,
             // The back's mask is the mirror image of the front's.
             Some(front) => mirror(&front, width),
-            None => mask_from_transmission(&found.value, width, height),
+            None => mask_from_transmission(&found.value, ImageSize::new(width, height)),
         };
         if !mask.contains(&true) {
             let path = capture.folder.join(if capture.folder.join("mask.exr").exists() {

@@ -8,6 +8,7 @@
 
 use super::interior::LeafSideFit;
 use crate::record::{FitRecord, RecordSection};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::quantity::RGB;
 
 /// Section of `fit.toml` that holds the comparison.
@@ -21,13 +22,13 @@ pub const APART_IN_ERRORS: &str = "apart_in_errors";
 /// What one side says about the interior: σa and σs with relative standard errors, a channel each.
 pub struct InteriorEstimates<'a> {
     /// Absorption coefficient (1/mm).
-    pub sigma_a: [f64; 3],
+    pub sigma_a: Rgb,
     /// Scattering coefficient (1/mm).
-    pub sigma_s: [f64; 3],
+    pub sigma_s: Rgb,
     /// Relative standard errors of σa.
-    pub sigma_a_rel: &'a mut [f64; 3],
+    pub sigma_a_rel: &'a mut Rgb,
     /// Relative standard errors of σs.
-    pub sigma_s_rel: &'a mut [f64; 3],
+    pub sigma_s_rel: &'a mut Rgb,
 }
 
 fn of(side: &mut LeafSideFit) -> InteriorEstimates<'_> {

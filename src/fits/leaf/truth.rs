@@ -9,7 +9,7 @@
 use super::texels;
 use crate::Result;
 use crate::leaf::curve::Incidence;
-use crate::leaf::interior::LeafSideFit;
+use crate::leaf::interior::{FittedTexel, LeafSideFit};
 use crate::leaf::slabmaps::SlabInverter;
 use crate::record::{GAUGE_GAMMA, GAUGE_THICKNESS, TruthError};
 use mesophyll_base::statistics::{median, median_of, upper_quantile};
@@ -36,7 +36,7 @@ pub struct TruthComparison {
 pub fn compare(capture: &TubeCapture, fitted: &LeafSideFit) -> Result<TruthComparison> {
     let (mut errors, mut figures) = (BTreeMap::new(), BTreeMap::new());
     let Some(truth) = capture.truth(fitted.side)? else { return Ok(TruthComparison::default()) };
-    let good: Vec<usize> = fitted.at.iter().map(|&k| k as usize).collect();
+    let good: Vec<usize> = fitted.texels.iter().map(|x| x.at).collect();
     for quantity in [Quantity::RhoD, Quantity::RhoS, Quantity::M] {
         let mut all = Samples::default();
         for c in 0..quantity.letters().len() {
@@ -58,16 +58,15 @@ pub fn compare(capture: &TubeCapture, fitted: &LeafSideFit) -> Result<TruthCompa
             }
         }
         if let Some(t) = truth.plane(Quantity::Gamma, c) {
-            for (n, &k) in good.iter().enumerate() {
-                gamma.push(t[k], fitted.gamma[n][c], fitted.gamma_err[n][c]);
+            for x in &fitted.texels {
+                gamma.push(t[x.at], x.interior.gamma[c], x.interior.gamma_err[c]);
             }
         }
         for (q, quantity) in SIGMA.into_iter().enumerate() {
             let Some(t) = truth.plane(quantity, c) else { continue };
             if let Some(own) = pigment.plane(quantity, c) {
-                for (n, &k) in good.iter().enumerate() {
-                    let s = &fitted.sigma[n][c];
-                    sigma[q].push(own[k], s.value[q], s.error[q]);
+                for x in &fitted.texels {
+                    sigma[q].push(own[x.at], x.sigma[c].value[q], x.sigma[c].error[q]);
                 }
             }
             let mean = good.iter().map(|&k| f64::from(t[k])).sum::<f64>() / good.len().max(1) as f64;
@@ -81,11 +80,10 @@ pub fn compare(capture: &TubeCapture, fitted: &LeafSideFit) -> Result<TruthCompa
         }
         if let (Some(a), Some(t)) = (truth.plane(Quantity::Absorption, c), truth.scalar(Quantity::Thickness)) {
             let letter = Quantity::Absorption.letters()[c];
-            let fit = |n: usize| fitted.sigma[n][c].value[0];
-            let crossing = |n: usize, k: usize| [f64::from(a[k] * t[k]), fit(n) * fitted.thickness[n]];
-            let at = || good.iter().copied().enumerate();
-            let per_length = at().map(|(n, k)| [f64::from(a[k]), fit(n)]).collect();
-            let whole = at().map(|(n, k)| crossing(n, k)).collect();
+            let fit = |x: &FittedTexel| x.sigma[c].value[0];
+            let crossing = |x: &FittedTexel| [f64::from(a[x.at] * t[x.at]), fit(x) * x.interior.thickness];
+            let per_length = fitted.texels.iter().map(|x| [f64::from(a[x.at]), fit(x)]).collect();
+            let whole = fitted.texels.iter().map(crossing).collect();
             for (name, pairs) in [("absorption", per_length), ("crossing", whole)] {
                 let [correlation, ratio] = follows(pairs);
                 figures.insert(format!("{name}_correlation.{letter}"), correlation);
@@ -101,8 +99,8 @@ pub fn compare(capture: &TubeCapture, fitted: &LeafSideFit) -> Result<TruthCompa
     }
     if let Some(t) = truth.scalar(Quantity::Thickness) {
         let mut thickness = Samples::default();
-        for (n, &k) in good.iter().enumerate() {
-            thickness.push(t[k], fitted.thickness[n], fitted.thickness_err[n]);
+        for FittedTexel { at, interior, .. } in &fitted.texels {
+            thickness.push(t[*at], interior.thickness, interior.thickness_err);
         }
         thickness.store(&mut errors, "thickness");
     }
@@ -165,7 +163,8 @@ impl Gauge {
             let map = truth.plane(quantity, c)?;
             Some(good.iter().map(|&k| f64::from(map[k])).sum::<f64>() / good.len().max(1) as f64)
         };
-        let own = fitted.thickness.iter().sum::<f64>() / fitted.thickness.len().max(1) as f64;
+        let sum = fitted.texels.iter().map(|x| x.interior.thickness).sum::<f64>();
+        let own = sum / fitted.texels.len().max(1) as f64;
         let thickness = mean(Quantity::Thickness, 0).map_or(0.0, |t| t / own - 1.0);
         let gamma = (0..3).filter_map(|c| mean(Quantity::Gamma, c)).map(|g| g - 1.0);
         Gauge { thickness, gamma: gamma.fold(0.0, |a, g| if g.abs() > f64::abs(a) { g } else { a }) }

@@ -1,10 +1,11 @@
 //! What faults of the measurement do to standard errors.
 
 use crate::leaf::faults::{ScanFindings, TrialBias};
-use crate::leaf::interior::LeafSideFit;
+use crate::leaf::interior::{FittedTexel, LeafSideFit};
 use crate::leaf::noise::CameraNoise;
 use crate::leaf::texels;
 use crate::record::FitRecord;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::slab::response_with_partials;
@@ -27,21 +28,22 @@ pub fn found(record: &mut FitRecord, done: &mut [LeafSideFit], found: ScanFindin
 
 /// Widens the standard errors of a side's texels. `scale`: residuals over the noise.
 fn widen(fitted: &mut LeafSideFit, bias: TrialBias, scale: f64) {
-    let before = [0, 1, 2].map(|c| texels::error(&fitted.maps, Quantity::RhoD, c).to_vec());
+    let before = Rgb::of(|c| texels::error(&fitted.maps, Quantity::RhoD, c).to_vec());
     widen_parts(&mut fitted.maps, bias, scale);
     // γ and σ follow from ρd, and so do their errors.
     for (c, before) in before.iter().enumerate() {
         let after = texels::error(&fitted.maps, Quantity::RhoD, c);
         let rho_d = fitted.maps.plane(Quantity::RhoD, c).unwrap_or_default();
-        for (n, at) in fitted.at.iter().map(|at| *at as usize).enumerate() {
+        for FittedTexel { at, interior, sigma, .. } in &mut fitted.texels {
+            let at = *at;
             let more = (f64::from(after[at]).powi(2) - f64::from(before[at]).powi(2)).max(0.0).sqrt();
             if !(more > 0.0 && more.is_finite()) {
                 continue;
             }
-            let gamma = &mut fitted.gamma_err[n][c];
-            *gamma = gamma.hypot(fitted.gamma[n][c] * more / f64::from(rho_d[at]));
-            let sigma = &mut fitted.sigma[n][c];
-            let (_, p) = response_with_partials(sigma.value[0], sigma.value[1], fitted.thickness[n]);
+            let gamma = interior.gamma[c] * more / f64::from(rho_d[at]);
+            interior.gamma_err[c] = interior.gamma_err[c].hypot(gamma);
+            let sigma = &mut sigma[c];
+            let (_, p) = response_with_partials(sigma.value[0], sigma.value[1], interior.thickness);
             let det = p.sigma_a.rho_d * p.sigma_s.rho_t - p.sigma_s.rho_d * p.sigma_a.rho_t;
             for (error, by) in sigma.error.iter_mut().zip([p.sigma_s.rho_t / det, -p.sigma_a.rho_t / det]) {
                 if (by * more).is_finite() {

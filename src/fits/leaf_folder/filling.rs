@@ -2,7 +2,7 @@
 //! around defects stays on the leaf. Filled values are not measurements: the mask says so.
 
 use crate::leaf_folder::{Error, Result};
-use mesophyll_capture::grid::neighbours;
+use mesophyll_base::image::ImageSize;
 use std::collections::VecDeque;
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub fn sources(good: &[bool], width: usize, height: usize) -> Option<Vec<u32>> {
     }
     while let Some(at) = queue.pop_front() {
         let k = at as usize;
-        for next in neighbours(k, width, height) {
+        for next in ImageSize::new(width, height).neighbours(k) {
             if source[next] == u32::MAX {
                 source[next] = source[k];
                 queue.push_back(next as u32);

@@ -4,6 +4,7 @@
 use super::{GreenConvention, Look, TEXELS};
 use crate::leaf_folder::filling;
 use crate::{Error, Result};
+use mesophyll_base::image::ImageSize;
 use mesophyll_capture::lightbox::pieces;
 use mesophyll_capture::photo::colours::{ColourPicture, PictureEncoding, read as picture};
 use mesophyll_capture::photo::manifest::TransferCurve;
@@ -199,13 +200,14 @@ fn outline(
             format!("{found} of {texels} texels is opaque at a cutoff of {cutoff}; expected the shape of a leaf");
         return Err(Error::field(path, "opacity", what));
     }
-    let (label, sizes) = pieces(&inside, w, h);
+    let size = ImageSize::new(w, h);
+    let (label, sizes) = pieces(&inside, size);
     let mut order: Vec<usize> = (1..sizes.len()).collect();
     order.sort_unstable_by_key(|&p| (usize::MAX - sizes[p], p));
     let largest = order[0];
     let touches: Vec<bool> = {
         let mut touches = vec![false; sizes.len()];
-        let rim = |k: usize| [k % w, k / w].iter().zip([w, h]).any(|(at, n)| *at == 0 || *at + 1 == n);
+        let rim = |k: usize| size.position(k).iter().zip([w, h]).any(|(at, n)| *at == 0 || *at + 1 == n);
         (0..w * h).filter(|k| inside[*k] && rim(*k)).for_each(|k| touches[label[k] as usize] = true);
         touches
     };

@@ -16,6 +16,7 @@ use crate::leaf::slabmaps::{FittedReading, SigmaEstimate, SlabInverter};
 use crate::record::FitKind;
 use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::photo::{PhotoManifest, PhotoMaps, reduce};
 use mesophyll_optics::defect::Defect;
 use mesophyll_optics::side::Side;
@@ -48,9 +49,9 @@ pub struct PhotoSideFit {
     /// The leaf-wide solution.
     pub wide: LeafWideFit,
     /// Relative standard errors of σa and σs; they include that of the thickness.
-    pub relative: [[f64; 3]; 2],
+    pub relative: [Rgb; 2],
     /// σa and σs of every texel.
-    pub sigma: Vec<[SigmaEstimate; 3]>,
+    pub sigma: Vec<Rgb<SigmaEstimate>>,
 }
 
 /// Fits the capture into the folder `out`; `force` fits again although the folder holds this very fit.
@@ -102,7 +103,7 @@ fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: 
         rho_d_err: seen.rho_d_err[k],
         rho_t: seen.rho_t[k],
         rho_t_floor: seen.rho_t_err[k].map(|e| e.max(1e-9)),
-        covariance: [0.0; 3],
+        covariance: Rgb::default(),
     };
     let gather = |status: &[i16]| {
         let at: Vec<u32> = (0..status.len() as u32).filter(|&k| status[k as usize] == 1).collect();
@@ -124,7 +125,7 @@ fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: 
     // by.
     let common = |texels: &[LeafWideTexel]| {
         let lifted = indeterminacy::common(texels, seen.alike);
-        let own = [0, 1, 2].map(|c: usize| (seen.shared[c] / mean(texels, c).max(1e-12)).hypot(lifted.own[c]).min(1e3));
+        let own = Rgb::of(|c| (seen.shared[c] / mean(texels, c).max(1e-12)).hypot(lifted.own[c]).min(1e3));
         LeafSharedErrors { own, ..lifted }
     };
     let solve = |texels: &[LeafWideTexel]| {
@@ -149,7 +150,7 @@ fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: 
         .into_par_iter()
         .map(|k| {
             let (x, local) = (&texels[k], &wide.locals[k]);
-            [0, 1, 2].map(|c: usize| {
+            Rgb::of(|c| {
                 let error = [x.rho_d_err[c], x.rho_t_floor[c]];
                 let reading = FittedReading { rho_d: x.rho_d[c], rho_t: x.rho_t[c], error, covariance: 0.0 };
                 let own = inverter.invert_fitted(reading, local.thickness, local, c);
@@ -164,7 +165,7 @@ fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: 
             })
         })
         .collect();
-    let own = |q: usize| [0, 1, 2].map(|c: usize| wide.covariance[(2 * c + q, 2 * c + q)].sqrt());
+    let own = |q: usize| Rgb::of(|c| wide.covariance[(2 * c + q, 2 * c + q)].sqrt());
     let mut relative = [own(0), own(1)];
     for c in (0..3).filter(|&c| indeterminacy::opaque(&texels, c, |x, c| x.rho_t_floor[c])) {
         // All that came through in this channel may be noise. Then the curvature where the fit stopped says nothing

@@ -9,6 +9,7 @@ use crate::leaf::faults::thickness;
 use crate::leaf::faults::transmittance;
 use crate::leaf_folder::{BLADE, LeafFitFile, filling, previews};
 use crate::record::{FitParameter, FitRecord, RecordSection, ResidualStatistics};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::photo::{PhotoManifest, PhotoMaps};
 use mesophyll_capture::truth_path;
 use mesophyll_files::hash;
@@ -52,7 +53,7 @@ pub fn write(
     // Open shade shows no normals, so the blade is flat.
     let flat = vec![Some([0.0; 2]); grid.width * grid.height];
     let through: Vec<[f32; 3]> =
-        reduced.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
+        reduced.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 }).0).collect();
     if let Some(blade) = mesh::build(&grid, &reduced.mask, Some(&through), &flat) {
         glb::write(&out.join(BLADE), &manifest.name, &blade)?;
         let figures = [("blade_area_mm2", blade.area), ("blade_vertices", blade.positions.len() as f64)];
@@ -89,7 +90,7 @@ fn describe(manifest: &PhotoManifest, reduced: &PhotoMaps, record: &mut FitRecor
         "scale",
         format!("{:.6} mm a pixel ± {:.2} % by {by}", reduced.scale.pixel_mm, 100.0 * reduced.scale.relative_err),
     );
-    let [r, g, b] = reduced.noise.photon;
+    let [r, g, b] = reduced.noise.photon.0;
     let photon = if reduced.noise.stated { format!("{g:.3e}") } else { format!("({r:.3e}, {g:.3e}, {b:.3e})") };
     let measured = if reduced.noise.stated { "" } else { " (red, green, blue; measured on the card)" };
     say(
@@ -178,13 +179,11 @@ fn section(manifest: &PhotoManifest, reduced: &PhotoMaps, fitted: &PhotoSideFit)
     }
     s.terminations.insert(format!("leaf_wide:{}", fitted.wide.termination.name()), 1);
     let [h, h_err] = manifest.thickness();
-    let parameter = |quantity: Quantity, value: [f64; 3], relative: [f64; 3]| {
+    let parameter = |quantity: Quantity, value: Rgb, relative: Rgb| {
         let open = |c: &usize| !(relative[*c] <= inverse::DETERMINED && value[*c].is_finite());
         FitParameter {
             value: value.to_vec(),
-            stderr: (0..3)
-                .map(|c| if relative[c].is_finite() { value[c] * relative[c] } else { f64::INFINITY })
-                .collect(),
+            stderr: value.zip(relative, |v, r| if r.is_finite() { v * r } else { f64::INFINITY }).to_vec(),
             stderr_caliper: value.iter().map(|v| v * h_err / h).collect(),
             unit: "1/mm".into(),
             undetermined: (0..3)

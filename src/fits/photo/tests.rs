@@ -1,6 +1,7 @@
 //! Reduced photographs of a leaf that is known in closed form.
 
 use super::*;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::photo::{PhotoSideMaps, PictureScale, SensorNoise};
 use mesophyll_optics::slab::medium::response;
 
@@ -32,7 +33,7 @@ const SIGMA: [[f64; 2]; 3] = [[12.0, 6.0], [4.0, 12.0], [20.0, 5.0]];
 fn reduced(change: impl Fn(usize, usize, &mut [f64; 2]), error: [[f64; 2]; 3], shared: [f64; 3]) -> PhotoMaps {
     let (mut rho_d, mut rho_t) = (Vec::new(), Vec::new());
     for k in 0..N * N {
-        let pair = [0, 1, 2].map(|c: usize| {
+        let pair = Rgb::of(|c| {
             let r = response(SIGMA[c][0], SIGMA[c][1], 0.2);
             let mut pair = [r.rho_d, r.rho_t];
             change(k, c, &mut pair);
@@ -43,12 +44,12 @@ fn reduced(change: impl Fn(usize, usize, &mut [f64; 2]), error: [[f64; 2]; 3], s
     }
     let side = PhotoSideMaps {
         rho_d,
-        rho_d_err: vec![error.map(|e| e[0]); N * N],
+        rho_d_err: vec![Rgb(error).map(|e| e[0]); N * N],
         alike: shared[0],
-        shared: [shared[1]; 3],
+        shared: Rgb::splat(shared[1]),
         rho_t,
-        rho_t_err: vec![error.map(|e| e[1]); N * N],
-        rho_t_shared: [shared[2]; 3],
+        rho_t_err: vec![Rgb(error).map(|e| e[1]); N * N],
+        rho_t_shared: Rgb::splat(shared[2]),
         rho_t_seen: true,
         gloss: mesophyll_capture::dome::highlight::estimate(&[], &[], Some(1.4)),
         status: vec![1; N * N],

@@ -7,7 +7,6 @@ pub mod beams;
 pub mod calibration;
 pub mod dome;
 pub mod goniometer;
-pub mod grid;
 pub mod inspection;
 pub mod kind;
 pub mod lightbox;

@@ -3,7 +3,7 @@
 //! By reciprocity, (leaf − dark)/(box − dark) seen at an angle is the slab's ρt for a collimated beam at that angle
 //! (`data/README.md`).
 
-use super::grid::neighbours;
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::statistics::median_of;
 
 /// The ratio leaf/box with its standard error, for each texel and channel. NaN where the box reads nothing.
@@ -51,23 +51,23 @@ pub fn transmittance(
 
 /// Where the leaf is, from its transmittance: texels darker than halfway between the leaf's median and the bare box, in
 /// pieces of at least 1 % of the largest piece. Empty when nothing stands out.
-pub fn mask_from_transmission(ratio: &[[f32; 3]], width: usize, height: usize) -> Vec<bool> {
+pub fn mask_from_transmission(ratio: &[[f32; 3]], size: ImageSize) -> Vec<bool> {
     let mean: Vec<f32> = ratio.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0).collect();
     let Some(dark) = median_of(mean.iter().copied().filter(|v| *v < 0.8)) else { return vec![false; mean.len()] };
     let threshold = 0.5 * (1.0 + dark);
     let inside: Vec<bool> = mean.iter().map(|&v| v < threshold).collect();
-    keep_large_pieces(&inside, width, height)
+    keep_large_pieces(&inside, size)
 }
 
 /// Removes 4-connected pieces smaller than 1 % of the largest.
-fn keep_large_pieces(inside: &[bool], width: usize, height: usize) -> Vec<bool> {
-    let (label, sizes) = pieces(inside, width, height);
+fn keep_large_pieces(inside: &[bool], size: ImageSize) -> Vec<bool> {
+    let (label, sizes) = pieces(inside, size);
     let largest = sizes.iter().copied().max().unwrap_or(0);
     label.iter().map(|&l| l != 0 && sizes[l as usize] * 100 >= largest).collect()
 }
 
 /// The 4-connected pieces of `inside`: the number of each texel's piece, 0 for none, and the texels of each piece.
-pub fn pieces(inside: &[bool], width: usize, height: usize) -> (Vec<u32>, Vec<usize>) {
+pub fn pieces(inside: &[bool], size: ImageSize) -> (Vec<u32>, Vec<usize>) {
     let mut label = vec![0u32; inside.len()];
     let mut sizes = vec![0usize];
     let mut stack = Vec::new();
@@ -81,7 +81,7 @@ pub fn pieces(inside: &[bool], width: usize, height: usize) -> (Vec<u32>, Vec<us
         stack.push(start);
         while let Some(at) = stack.pop() {
             sizes[name as usize] += 1;
-            for next in neighbours(at, width, height) {
+            for next in size.neighbours(at) {
                 if inside[next] && label[next] == 0 {
                     label[next] = name;
                     stack.push(next);
@@ -103,7 +103,7 @@ mod tests {
         let ratio: Vec<[f32; 3]> = (0..w * h)
             .map(|k| if leaf(k % w, k / w) || k == 3 { [0.1, 0.2, 0.05] } else { [1.0, 0.99, 1.01] })
             .collect();
-        let mask = mask_from_transmission(&ratio, w, h);
+        let mask = mask_from_transmission(&ratio, ImageSize::new(w, h));
         assert!((0..w * h).all(|k| mask[k] == leaf(k % w, k / w)));
     }
 

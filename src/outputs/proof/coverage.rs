@@ -6,6 +6,7 @@
 //! them whose truth lies inside the interval.
 
 use crate::stress::StressRow;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_fits::gloss::synthetic::{GaussianDeviates, device, ramp};
 use mesophyll_fits::gloss::{GlossTexelFitter, UndeterminedSet, normal_of};
 use mesophyll_fits::leaf::curve::Incidence;
@@ -149,13 +150,7 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> CoverageCounts<4> {
             .iter()
             .zip(&gamma)
             .map(|(&t, g)| {
-                let mut x = LeafWideTexel {
-                    rho_d: [0.0; 3],
-                    rho_d_err: [0.0; 3],
-                    rho_t: [0.0; 3],
-                    rho_t_floor: [5e-4; 3],
-                    covariance: [0.0; 3],
-                };
+                let mut x = LeafWideTexel { rho_t_floor: Rgb::splat(5e-4), ..LeafWideTexel::default() };
                 for c in 0..3 {
                     let r = medium::response(sigma[c][0], sigma[c][1], t);
                     x.rho_d_err[c] = 0.01 * g[c] * r.rho_d;
@@ -173,7 +168,7 @@ pub fn leaves(leaves: usize, texels: usize, seed: u64) -> CoverageCounts<4> {
             iterations: 80,
             common: LeafSharedErrors::default(),
         };
-        let fit = leaf_wide::fit(&measured, &[], [[8.0, 12.0]; 3], &settings);
+        let fit = leaf_wide::fit(&measured, &[], Rgb::splat([8.0, 12.0]), &settings);
         let mut counts = CoverageCounts::<4>::default();
         for c in 0..3 {
             for (q, value) in [fit.sigma_a[c], fit.sigma_s[c]].into_iter().enumerate() {

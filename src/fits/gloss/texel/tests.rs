@@ -123,7 +123,7 @@ fn a_common_level_widens_errors_by_what_it_does() {
     let (tx, ty) = (trace(&d, Travel::X, &xs, texel, &t, None), trace(&d, Travel::Y, &ys, texel, &t, None));
     let plain = fitter.fit(&mut fitter.workspace(), texel, &tx, Some(&ty));
     let level = 2e-4f32;
-    let noise = ReadingNoise { dark_error: [f64::from(level); 3], ..d.noise() };
+    let noise = ReadingNoise { dark_error: [f64::from(level); 3].into(), ..d.noise() };
     let widened = fitter.fit_under(&noise, &mut fitter.workspace(), texel, &tx, Some(&ty));
     // The true effect of each channel's dark level is found by fitting again.
     let mut moved = [0.0; 5];

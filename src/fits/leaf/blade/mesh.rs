@@ -1,9 +1,9 @@
 //! The trimmed mesh: a constrained Delaunay triangulation of the outline and a grid of inner points, lifted to the
 //! relief.
 
+use super::TexelGrid;
 use super::outline::{contours, coverage, simplify};
 use super::relief::{BladeRelief, integrate};
-use super::{TexelGrid, bilinear};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
 /// The mesh of the blade. Vertices are in mm (x right, y up, z out of the front). Both sides share one triangle list.
@@ -48,12 +48,9 @@ pub fn build(
     ratio: Option<&[[f32; 3]]>,
     slopes: &[Option<[f64; 2]>],
 ) -> Option<BladeMesh> {
-    let field = coverage(mask, ratio, grid.width, grid.height);
-    let mut rings: Vec<Vec<[f64; 2]>> = contours(&field, grid.width, grid.height, 0.5)
-        .iter()
-        .map(|r| simplify(r, TOLERANCE))
-        .filter(|r| r.len() >= 3)
-        .collect();
+    let field = coverage(mask, ratio, grid.size());
+    let mut rings: Vec<Vec<[f64; 2]>> =
+        contours(&field, 0.5).iter().map(|r| simplify(r, TOLERANCE)).filter(|r| r.len() >= 3).collect();
     // A piece or hole of less than four texels is noise of the mask, not a shape.
     rings.retain(|r| super::outline::area(r).abs() >= 4.0);
     if rings.is_empty() {
@@ -92,7 +89,7 @@ pub fn build(
                         && q[1] >= -0.5
                         && q[0] <= grid.width as f64 - 0.5
                         && q[1] <= grid.height as f64 - 0.5;
-                    within && bilinear(&field, grid.width, grid.height, q[0], q[1]) > 0.5
+                    within && field.bilinear(q[0], q[1]) > 0.5
                 });
             if clear {
                 // A point can only be refused when it is not finite, which these are.

@@ -8,6 +8,7 @@ pub mod relief;
 
 pub use mesh::BladeMesh;
 
+use mesophyll_base::image::ImageSize;
 use mesophyll_capture::manifest::texel_position;
 
 /// A square grid of texels on the blade.
@@ -22,6 +23,11 @@ pub struct TexelGrid {
 }
 
 impl TexelGrid {
+    /// Columns and rows.
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
+    }
+
     /// Texel coordinates (column, row; integers at centres) → position on the blade (mm).
     pub fn position(&self, column: f64, row: f64) -> [f64; 2] {
         let [x, y] = texel_position(self.width, self.height, self.texel, 0, 0);
@@ -39,16 +45,4 @@ impl TexelGrid {
         let [c, r] = self.texel(at);
         [((c + 0.5) / self.width as f64) as f32, ((r + 0.5) / self.height as f64) as f32]
     }
-}
-
-/// Bilinear value of a row-major image at texel coordinates, clamped at the edges.
-pub fn bilinear(image: &[f64], width: usize, height: usize, column: f64, row: f64) -> f64 {
-    let x = column.clamp(0.0, (width - 1) as f64);
-    let y = row.clamp(0.0, (height - 1) as f64);
-    let (i, j) = ((x as usize).min(width.saturating_sub(2)), (y as usize).min(height.saturating_sub(2)));
-    let (i1, j1) = ((i + 1).min(width - 1), (j + 1).min(height - 1));
-    let (fx, fy) = (x - i as f64, y - j as f64);
-    let top = image[j * width + i] * (1.0 - fx) + image[j * width + i1] * fx;
-    let low = image[j1 * width + i] * (1.0 - fx) + image[j1 * width + i1] * fx;
-    top * (1.0 - fy) + low * fy
 }

@@ -1,59 +1,46 @@
 //! The outline of the leaf: the contour of half coverage, traced between texels (marching squares) and simplified
 //! (Douglas–Peucker).
 
+use mesophyll_base::image::{Image, ImageSize};
 use mesophyll_base::statistics::median_of;
 
 /// Share of each texel that the leaf covers. It comes from the light box where that shows partly covered texels,
 /// otherwise from the mask. It is smoothed a little, so that the contour of one half runs between texels instead of
 /// along their edges.
-pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, width: usize, height: usize) -> Vec<f64> {
+pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, size: ImageSize) -> Image<f64> {
     let mean = |t: &[f32; 3]| f64::from(t[0] + t[1] + t[2]) / 3.0;
     let leaf_level = ratio.map_or(0.0, |r| {
         let inside = r.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| mean(t)).filter(|v| v.is_finite());
         median_of(inside).unwrap_or(0.0)
     });
-    let raw: Vec<f64> = (0..mask.len())
-        .map(|k| match ratio {
-            // A partly covered texel at the edge lets through a mix of leaf and bare box.
-            Some(r) if mean(&r[k]).is_finite() && leaf_level < 0.9 => {
-                let share = ((1.0 - mean(&r[k])) / (1.0 - leaf_level)).clamp(0.0, 1.0);
-                if mask[k] { share.max(0.5) } else { share.min(0.5) }
-            }
-            _ => f64::from(u8::from(mask[k])),
-        })
-        .collect();
+    let raw = Image::of(size, |k| match ratio {
+        // A partly covered texel at the edge lets through a mix of leaf and bare box.
+        Some(r) if mean(&r[k]).is_finite() && leaf_level < 0.9 => {
+            let share = ((1.0 - mean(&r[k])) / (1.0 - leaf_level)).clamp(0.0, 1.0);
+            if mask[k] { share.max(0.5) } else { share.min(0.5) }
+        }
+        _ => f64::from(u8::from(mask[k])),
+    });
     // 3×3 binomial, the border counting as outside
-    let at = |i: isize, j: isize| {
-        if i < 0 || j < 0 || i >= width as isize || j >= height as isize {
-            0.0
-        } else {
-            raw[j as usize * width + i as usize]
-        }
-    };
-    let mut smooth = vec![0.0; raw.len()];
-    for j in 0..height as isize {
-        for i in 0..width as isize {
-            let mut sum = 0.0;
-            for (dj, wj) in [(-1, 1.0), (0, 2.0), (1, 1.0)] {
-                for (di, wi) in [(-1, 1.0), (0, 2.0), (1, 1.0)] {
-                    sum += wi * wj * at(i + di, j + dj);
-                }
+    Image::of(size, |k| {
+        let [i, j] = size.position(k).map(|v| v as isize);
+        let mut sum = 0.0;
+        for (dj, wj) in [(-1, 1.0), (0, 2.0), (1, 1.0)] {
+            for (di, wi) in [(-1, 1.0), (0, 2.0), (1, 1.0)] {
+                sum += wi * wj * raw.get([i + di, j + dj]).copied().unwrap_or(0.0);
             }
-            smooth[j as usize * width + i as usize] = sum / 16.0;
         }
-    }
-    smooth
+        sum / 16.0
+    })
 }
 
 /// Closed contours of `field` at `level` in texel coordinates; anything beyond the image counts as outside. The first
 /// point is not repeated at the end.
-pub fn contours(field: &[f64], width: usize, height: usize, level: f64) -> Vec<Vec<[f64; 2]>> {
+pub fn contours(field: &Image<f64>, level: f64) -> Vec<Vec<[f64; 2]>> {
     use std::collections::BTreeMap;
     // One ring of outside texels closes every contour.
-    let (w, h) = (width + 2, height + 2);
-    let at = |i: usize, j: usize| {
-        if i == 0 || j == 0 || i > width || j > height { level - 1.0 } else { field[(j - 1) * width + i - 1] }
-    };
+    let (w, h) = (field.size.width + 2, field.size.height + 2);
+    let at = |i: usize, j: usize| field.get([i as isize - 1, j as isize - 1]).copied().unwrap_or(level - 1.0);
     let inside = |i: usize, j: usize| at(i, j) >= level;
     // An edge of the grid is (i, j, 0: to the right, 1: downwards); each holds at most one crossing.
     type Edge = (usize, usize, u8);
@@ -164,26 +151,23 @@ pub fn area(ring: &[[f64; 2]]) -> f64 {
 mod tests {
     use super::*;
 
-    fn disk(w: usize, h: usize, r: f64) -> Vec<f64> {
+    fn disk(w: usize, h: usize, r: f64) -> Image<f64> {
         // coverage of a disk, 8×8 samples a texel
-        (0..w * h)
-            .map(|k| {
-                let (i, j) = ((k % w) as f64, (k / w) as f64);
-                (0..64)
-                    .filter(|s| {
-                        let (dx, dy) = ((f64::from(s % 8) + 0.5) / 8.0 - 0.5, (f64::from(s / 8) + 0.5) / 8.0 - 0.5);
-                        (i + dx - w as f64 / 2.0).hypot(j + dy - h as f64 / 2.0) < r
-                    })
-                    .count() as f64
-                    / 64.0
-            })
-            .collect()
+        let size = ImageSize::new(w, h);
+        Image::of(size, |k| {
+            let [i, j] = size.position(k).map(|v| v as f64);
+            let inside = (0..64).filter(|s| {
+                let (dx, dy) = ((f64::from(s % 8) + 0.5) / 8.0 - 0.5, (f64::from(s / 8) + 0.5) / 8.0 - 0.5);
+                (i + dx - w as f64 / 2.0).hypot(j + dy - h as f64 / 2.0) < r
+            });
+            inside.count() as f64 / 64.0
+        })
     }
 
     #[test]
     fn a_disk_is_traced_between_texels() {
         let field = disk(60, 50, 18.3);
-        let loops = contours(&field, 60, 50, 0.5);
+        let loops = contours(&field, 0.5);
         assert_eq!(loops.len(), 1);
         let ring = simplify(&loops[0], 0.1);
         assert!(ring.len() < loops[0].len() / 2);
@@ -195,11 +179,12 @@ mod tests {
 
     #[test]
     fn leaves_that_touch_the_border_close_and_holes_are_traced() {
-        let (w, h) = (30, 20);
-        let field: Vec<f64> = (0..w * h)
-            .map(|k| if (k % w > 12 && k % w < 17) && (k / w > 7 && k / w < 12) { 0.0 } else { 1.0 })
-            .collect();
-        let loops = contours(&field, w, h, 0.5);
+        let size = ImageSize::new(30, 20);
+        let field = Image::of(size, |k| {
+            let [i, j] = size.position(k);
+            if (i > 12 && i < 17) && (j > 7 && j < 12) { 0.0 } else { 1.0 }
+        });
+        let loops = contours(&field, 0.5);
         assert_eq!(loops.len(), 2);
         let areas: Vec<f64> = loops.iter().map(|l| area(l)).collect();
         assert!(areas[0] * areas[1] < 0.0, "a hole runs the other way round: {areas:?}");

@@ -2,6 +2,7 @@
 //! solved with conjugate gradients.
 
 use super::TexelGrid;
+use mesophyll_base::image::{Image, ImageSize};
 
 /// Longest side of the grid that heights are solved on.
 const CELLS: usize = 256;
@@ -9,17 +10,13 @@ const CELLS: usize = 256;
 /// Heights on a coarse grid over the blade.
 #[derive(Debug, Clone)]
 pub struct BladeRelief {
-    /// Columns of cells.
-    pub width: usize,
-    /// Rows of cells.
-    pub height: usize,
     /// How many texels a cell is wide.
     pub block: usize,
-    /// Height (mm) of cell centres, row-major; its mean over the leaf is 0. Outside the leaf it continues with the
+    /// Height (mm) of cell centres; its mean over the leaf is 0. Outside the leaf it continues with the
     /// slope of the edge.
-    pub z: Vec<f64>,
+    pub z: Image<f64>,
     /// Mean measured slopes [dz/dx, dz/dy] of cells; they continue outside the leaf.
-    slope: [Vec<f64>; 2],
+    slope: [Image<f64>; 2],
     /// Root mean square of the part of the slopes that no height explains (the curl of noise and of true
     /// discontinuities).
     pub residual: f64,
@@ -28,11 +25,13 @@ pub struct BladeRelief {
 /// Integrates slopes `[dz/dx, dz/dy]` (dimensionless; `None` off the leaf or at defects).
 pub fn integrate(grid: &TexelGrid, slopes: &[Option<[f64; 2]>]) -> BladeRelief {
     let block = grid.width.max(grid.height).div_ceil(CELLS).max(1);
-    let (w, h) = (grid.width.div_ceil(block), grid.height.div_ceil(block));
+    let cells = ImageSize::new(grid.width.div_ceil(block), grid.height.div_ceil(block));
+    let ImageSize { width: w, height: h } = cells;
     let mut sum = vec![[0.0f64; 3]; w * h];
     for (k, slope) in slopes.iter().enumerate() {
         if let Some([p, q]) = slope {
-            let cell = &mut sum[(k / grid.width / block) * w + k % grid.width / block];
+            let [column, row] = grid.size().position(k);
+            let cell = &mut sum[row / block * w + column / block];
             cell[0] += p;
             cell[1] += q;
             cell[2] += 1.0;
@@ -73,26 +72,26 @@ pub fn integrate(grid: &TexelGrid, slopes: &[Option<[f64; 2]>]) -> BladeRelief {
     // round petiole) stay in the normal maps. The frame of the normal maps then turns slowly, and every renderer
     // interpolates it the same way.
     let sigma = w.max(h) as f64 / 32.0;
-    let weight = blur(&on.iter().map(|&o| f64::from(u8::from(o))).collect::<Vec<f64>>(), w, h, sigma);
-    let mut slope = [0, 1].map(|axis: usize| {
-        let plane: Vec<f64> = slope.iter().map(|s| s[axis]).collect();
-        blur(&plane, w, h, sigma).iter().zip(&weight).map(|(s, w)| s / w.max(1e-9)).collect::<Vec<f64>>()
-    });
+    let weight = blur(&Image::of(cells, |k| f64::from(u8::from(on[k]))), sigma);
+    let mut slope = [0, 1]
+        .map(|axis: usize| blur(&Image::of(cells, |k| slope[k][axis]), sigma).zip(&weight, |s, w| s / w.max(1e-9)));
     if let Some(source) = crate::leaf_folder::filling::sources(&on, w, h) {
         for (k, &from) in source.iter().enumerate() {
             let from = from as usize;
-            let (dx, dy) = ((k % w) as f64 - (from % w) as f64, (from / w) as f64 - (k / w) as f64);
+            let [to, of] = [k, from].map(|k| cells.position(k).map(|v| v as f64));
+            let (dx, dy) = (to[0] - of[0], of[1] - to[1]);
             z[k] = z[from] + size * (slope[0][from] * dx + slope[1][from] * dy);
             slope[0][k] = slope[0][from];
             slope[1][k] = slope[1][from];
         }
     }
-    let z = blur(&z, w, h, sigma);
-    BladeRelief { width: w, height: h, block, z, slope, residual }
+    let z = blur(&Image { size: cells, pixels: z }, sigma);
+    BladeRelief { block, z, slope, residual }
 }
 
 /// Separable Gaussian blur of standard deviation `sigma` cells, normalised at the borders.
-fn blur(image: &[f64], width: usize, height: usize, sigma: f64) -> Vec<f64> {
+fn blur(image: &Image<f64>, sigma: f64) -> Image<f64> {
+    let ImageSize { width, height } = image.size;
     let reach = (3.0 * sigma).ceil() as isize;
     let weight: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
     let pass = |source: &[f64], length: usize, lines: usize, step: usize, stride: usize| {
@@ -112,8 +111,8 @@ fn blur(image: &[f64], width: usize, height: usize, sigma: f64) -> Vec<f64> {
         }
         out
     };
-    let rows = pass(image, width, height, 1, width);
-    pass(&rows, height, width, width, 1)
+    let rows = pass(&image.pixels, width, height, 1, width);
+    Image { size: image.size, pixels: pass(&rows, height, width, width, 1) }
 }
 
 /// Solves the graph Laplacian of `pairs` for z (cells without a pair stay 0).
@@ -174,13 +173,13 @@ impl BladeRelief {
     /// Height (mm) at texel coordinates.
     pub fn at(&self, column: f64, row: f64) -> f64 {
         let [x, y] = self.cell(column, row);
-        super::bilinear(&self.z, self.width, self.height, x, y)
+        self.z.bilinear(x, y)
     }
 
     /// Slope [dz/dx, dz/dy] at texel coordinates: the measured one, averaged over a cell.
     pub fn slope(&self, column: f64, row: f64) -> [f64; 2] {
         let [x, y] = self.cell(column, row);
-        [0, 1].map(|axis: usize| super::bilinear(&self.slope[axis], self.width, self.height, x, y))
+        self.slope.each_ref().map(|slope| slope.bilinear(x, y))
     }
 }
 
@@ -205,7 +204,8 @@ mod tests {
         let inside = |x: f64, y: f64| (x / 20.0).powi(2) + (y / 15.0).powi(2) < 1.0;
         let slopes: Vec<Option<[f64; 2]>> = (0..90 * 70)
             .map(|k| {
-                let [x, y] = grid.position((k % 90) as f64, (k / 90) as f64);
+                let [column, row] = grid.size().position(k);
+                let [x, y] = grid.position(column as f64, row as f64);
                 inside(x, y).then(|| [-0.04 * x + 0.12 * (0.3 * x).cos(), -0.06 * y])
             })
             .collect();

@@ -1,6 +1,7 @@
 //! How far texels move when they are fitted again under another cause.
 
 use crate::leaf::held_out::TexelParameters;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::{NORMAL_SCATTER, median_of};
 
 /// How far a quantity of the texels is from what it is under the right cause.
@@ -22,10 +23,7 @@ pub(super) fn bias(before: &[TexelParameters], after: &[TexelParameters]) -> Tri
         // The median keeps a texel without gloss from deciding.
         NORMAL_SCATTER * median_of(all.map(f64::abs)).unwrap_or(f64::NAN)
     };
-    let relative = |a: [f64; 3], b: [f64; 3]| {
-        let (x, y): (f64, f64) = (a.iter().sum(), b.iter().sum());
-        x / y - 1.0
-    };
+    let relative = |a: Rgb, b: Rgb| a.sum() / b.sum() - 1.0;
     let or_zero = |v: f64| if v.is_finite() { v } else { 0.0 };
     TrialBias {
         rho_d: or_zero(rms(&|a, b| relative(a.rho_d, b.rho_d))),

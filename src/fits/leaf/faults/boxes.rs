@@ -5,6 +5,7 @@ use crate::Result;
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::CameraNoise;
 use crate::record::fault::{FaultGrade, MeasurementFault};
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::statistics::median_of;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::image::read_exr_rows;
@@ -84,15 +85,10 @@ fn at_the_top(values: &[f32]) -> f64 {
 /// The light beside the leaf, with it and without.
 fn beside(fitted: &LeafSideFit, width: usize, level: &CameraNoise) -> Option<MeasurementFault> {
     let mask = &fitted.measured.mask;
-    let height = mask.len() / width;
+    let size = ImageSize::new(width, mask.len() / width);
     let clear = |k: usize| {
-        let (i, j) = ((k % width) as i64, (k / width) as i64);
-        (-2..=2).all(|b| {
-            (-2..=2).all(|a| {
-                let (x, y) = (i + a, j + b);
-                x < 0 || y < 0 || x >= width as i64 || y >= height as i64 || !mask[y as usize * width + x as usize]
-            })
-        })
+        let [i, j] = size.position(k).map(|v| v as i64);
+        (-2..=2).all(|b| (-2..=2).all(|a| size.texel([i + a, j + b]).is_none_or(|at| !mask[at])))
     };
     let places: Vec<usize> = (0..mask.len()).filter(|k| clear(*k)).collect();
     let ratios: Vec<f64> = places

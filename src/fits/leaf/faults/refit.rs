@@ -3,6 +3,7 @@
 use super::sample::PassReadings;
 use crate::gloss::{normal_of, normal_slopes};
 use crate::leaf::held_out::{FramePredictor, PredictionScratch, TexelParameters};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_optics::tube::Travel;
 use nalgebra::{SMatrix, SVector};
 
@@ -39,8 +40,8 @@ pub fn descend(
 ) -> (f64, TexelParameters) {
     let tilts = passes.len().min(2);
     let texel = |p: &Vector| TexelParameters {
-        rho_d: [p[0], p[1], p[2]],
-        rho_s: [p[3], p[4], p[5]],
+        rho_d: Rgb::of(|c| p[c]),
+        rho_s: Rgb::of(|c| p[3 + c]),
         m: p[6].exp(),
         normal: normal_of([p[7], p[8]]),
     };

@@ -145,7 +145,7 @@ fn readings(
     let predicted: Vec<[f32; 3]> = (0..sample.texels.len())
         .into_par_iter()
         .map_init(PredictionScratch::default, |scratch, n| predictor.values(scratch, &sample.fitted[n], sample.at[n]))
-        .flat_map_iter(|values| values.into_iter().map(|v| v.map(|v| v as f32)))
+        .flat_map_iter(|values| values.into_iter().map(|v| v.map(|v| v as f32).0))
         .collect();
     let mut gain = Vec::new();
     for k in 0..positions.len() {

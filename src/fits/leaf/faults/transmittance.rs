@@ -4,9 +4,11 @@
 use crate::leaf::interior::LeafSideFit;
 use crate::record::RecordSection;
 use crate::record::fault::{FaultGrade, MeasurementFault};
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::defect::Defect;
+use mesophyll_optics::side::behind;
 
 /// A picture fits in another place where its correlation is better by this much, and is at least [`ALIKE`].
 const BETTER: f64 = 0.15;
@@ -89,25 +91,22 @@ pub fn energy(side: &str, mask: &[i16]) -> Option<MeasurementFault> {
 struct Pair {
     a: Vec<f64>,
     b: Vec<f64>,
-    width: usize,
+    size: ImageSize,
 }
 
 impl Pair {
     /// Correlation of the first with the second as it is (0), with its columns (1), its rows (2) or both (3) reversed,
     /// and shifted by columns and rows; NaN where they have less than half of the leaf in common.
     fn correlation(&self, turn: usize, shift: [i32; 2]) -> f64 {
-        let (width, n) = (self.width, self.a.len());
-        let height = n / width;
+        let (ImageSize { width, height }, n) = (self.size, self.a.len());
         let mut s = [0.0; 6];
         let step = (n / 40_000).max(1);
         for k in (0..n).step_by(step) {
-            let (i, j) = (k % width, k / width);
+            let [i, j] = self.size.position(k);
             let x = (if turn & 1 == 1 { width - 1 - i } else { i }) as i32 + shift[0];
             let y = (if turn & 2 == 2 { height - 1 - j } else { j }) as i32 + shift[1];
-            if x < 0 || y < 0 || x >= width as i32 || y >= height as i32 {
-                continue;
-            }
-            let (u, v) = (self.a[k], self.b[y as usize * width + x as usize]);
+            let Some(to) = self.size.texel([x, y]) else { continue };
+            let (u, v) = (self.a[k], self.b[to]);
             if u.is_finite() && v.is_finite() {
                 let terms = [1.0, u, v, u * u, v * v, u * v];
                 s.iter_mut().zip(terms).for_each(|(s, t)| *s += t);
@@ -148,24 +147,23 @@ impl Pair {
         };
         let a: Vec<f64> = (0..mask.len()).map(log).collect();
         let b: Vec<f64> = fitted.measured.rho_t.iter().map(|t| mean_log(*t, 0.9)).collect();
-        Pair { a, b, width }
+        Pair { a, b, size: ImageSize::new(width, mask.len() / width) }
     }
 
     /// The details of both.
     fn details(&self) -> Pair {
-        Pair { a: details(&self.a, self.width), b: details(&self.b, self.width), width: self.width }
+        Pair { a: details(&self.a, self.size), b: details(&self.b, self.size), size: self.size }
     }
 
     /// What comes through the front, and the mirror image of what comes through the back.
     fn of_sides(front: &TransmittanceView, back: &TransmittanceView, width: usize) -> Pair {
         let log =
             |view: &TransmittanceView, k: usize| if view.mask[k] { mean_log(view.through[k], 1.0) } else { f64::NAN };
-        let mirrored = |k: usize| k / width * width + width - 1 - k % width;
         let places = 0..front.mask.len();
         Pair {
             a: places.clone().map(|k| log(front, k)).collect(),
-            b: places.map(|k| log(back, mirrored(k))).collect(),
-            width,
+            b: places.map(|k| log(back, behind(k, width))).collect(),
+            size: ImageSize::new(width, front.mask.len() / width),
         }
     }
 
@@ -179,10 +177,10 @@ impl Pair {
 }
 
 /// A picture less the mean of the places around each: veins stay, and what changes slowly over the leaf goes.
-fn details(picture: &[f64], width: usize) -> Vec<f64> {
-    let height = picture.len() / width;
+fn details(picture: &[f64], size: ImageSize) -> Vec<f64> {
+    let ImageSize { width, height } = size;
     let around = |k: usize| {
-        let (i, j) = (k % width, k / width);
+        let [i, j] = size.position(k);
         let rows = j.saturating_sub(AROUND)..(j + AROUND + 1).min(height);
         let columns = i.saturating_sub(AROUND)..(i + AROUND + 1).min(width);
         let all = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
@@ -311,11 +309,13 @@ pub fn turned(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mesophyll_optics::side::mirror;
 
     /// A lopsided leaf with veins, seen from the front, and from the back as it is after a turn.
     fn leaf(width: usize, height: usize, moved: [i32; 2]) -> (Vec<bool>, Vec<[f32; 3]>) {
         let at = |k: usize| {
-            let (i, j) = ((k % width) as i32 - moved[0], (k / width) as i32 - moved[1]);
+            let [i, j] = ImageSize::new(width, height).position(k).map(|v| v as i32);
+            let (i, j) = (i - moved[0], j - moved[1]);
             let (x, y) = (f64::from(i) / width as f64 - 0.45, f64::from(j) / height as f64 - 0.52);
             let through = 0.2 + 0.06 * (17.0 * x + 9.0 * y * y).sin() + 0.05 * (23.0 * y - 8.0 * x).cos();
             (x * x / 0.16 + y * y / 0.12 < 1.0, [through as f32; 3])
@@ -324,8 +324,7 @@ mod tests {
     }
 
     fn mirrored((mask, through): &(Vec<bool>, Vec<[f32; 3]>), width: usize) -> (Vec<bool>, Vec<[f32; 3]>) {
-        let from = |k: usize| k / width * width + width - 1 - k % width;
-        ((0..mask.len()).map(|k| mask[from(k)]).collect(), (0..mask.len()).map(|k| through[from(k)]).collect())
+        (mirror(mask, width), mirror(through, width))
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::{FramePredictor, HeldOutResiduals, LightBoxResiduals, PredictionScrat
 use crate::leaf_folder::LeafFitFile;
 use crate::record::FitRecord;
 use crate::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::image::read_exr;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::side::Side;
@@ -141,7 +142,7 @@ pub fn kept(folder: &Path, record: &FitRecord, side: Side) -> Result<Option<Stor
                 let p = [(place % maps.width) as f64 - centre[0], centre[1] - (place / maps.width) as f64];
                 (place, p.map(|v| v * scan.texel_mm))
             };
-            let predicted: Vec<Option<[f64; 3]>> = (0..width * height)
+            let predicted: Vec<Option<Rgb>> = (0..width * height)
                 .into_par_iter()
                 .map_init(PredictionScratch::default, |scratch, k| {
                     let (place, mm) = at(k);
@@ -167,13 +168,13 @@ fn frame_of(
     frame: usize,
     position_mm: f64,
     measured: [Vec<f32>; 3],
-    predicted: &[Option<[f64; 3]>],
+    predicted: &[Option<Rgb>],
 ) -> StoredFrame {
     let mut tally = ResidualTally::default();
     let mut planes = [0, 1, 2].map(|_| [vec![f32::NAN; predicted.len()], vec![f32::NAN; predicted.len()]]);
     for (k, value) in predicted.iter().enumerate() {
         let Some(value) = value else { continue };
-        let z = [0, 1, 2].map(|c: usize| (f64::from(measured[c][k]) - value[c]) / scan.noise(value[c]));
+        let z = Rgb::of(|c| (f64::from(measured[c][k]) - value[c]) / scan.noise(value[c]));
         tally.add(z.into_iter(), k);
         for c in 0..3 {
             (planes[c][0][k], planes[c][1][k]) = (value[c] as f32, z[c] as f32);
@@ -212,14 +213,14 @@ fn light_box(
     mask: &[f32],
 ) -> Option<LightBoxResiduals> {
     let (scan, told) = (record.scan.as_ref()?, section.light_box.as_ref()?);
-    let rgb = |name: &str| <[f64; 3]>::try_from(section.params.get(name)?.value.as_slice()).ok();
+    let rgb = |name: &str| <[f64; 3]>::try_from(section.params.get(name)?.value.as_slice()).ok().map(Rgb);
     let h = *section.params.get("thickness")?.value.first()?;
     let measured: Vec<&[f32]> = RGB.iter().map(|c| stored.get(&format!("{LIGHT_BOX}.{c}"))).collect::<Option<_>>()?;
     let thickness = maps.scalar(Quantity::Thickness)?;
     let incidence = scan.lightbox_camera_deg.to_radians().cos();
     let good = (0..kept.width * kept.height).filter(|k| mask[kept.texel(*k, maps.width)] == 1.0);
-    through(rgb("sigma_a")?, rgb("sigma_s")?, h, incidence, told.noise_relative, told.noise_floor, good, |k| {
-        (f64::from(thickness[kept.texel(k, maps.width)]), [0, 1, 2].map(|c: usize| f64::from(measured[c][k])))
+    through(rgb("sigma_a")?, rgb("sigma_s")?, h, incidence, told.noise_relative, told.noise_floor.into(), good, |k| {
+        (f64::from(thickness[kept.texel(k, maps.width)]), Rgb::of(|c| f64::from(measured[c][k])))
     })
 }
 

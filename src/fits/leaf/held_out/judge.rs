@@ -9,6 +9,7 @@ use crate::Result;
 use crate::leaf::curve::{Incidence, ThicknessCurve};
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::{self, CameraNoise};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::median_of;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::image::ChannelMaps;
@@ -112,7 +113,7 @@ pub fn judge(
     let Some(texel) = texel_of(&fitted.maps).filter(|_| splits.any()) else { return Ok(out) };
     let m = &capture.manifest;
     let at = |k: usize| m.texel_position(k % m.width, k / m.width);
-    let good: Vec<_> = fitted.at.iter().filter_map(|&k| Some((at(k as usize), texel(k as usize)?))).collect();
+    let good: Vec<_> = fitted.texels.iter().filter_map(|x| Some((at(x.at), texel(x.at)?))).collect();
     let expected = leverage::expected(scan, m, splits, &good);
     let mut stored = ChannelMaps::new(m.width.div_ceil(scan.stored_step), m.height.div_ceil(scan.stored_step));
     for pass in &m.passes {
@@ -129,20 +130,20 @@ pub fn judge(
         for first in (0..m.height).step_by(ROWS) {
             let rows = first..(first + ROWS).min(m.height);
             let inside = |k: usize| rows.contains(&(k / m.width));
-            let list: Vec<usize> = fitted.at.iter().map(|k| *k as usize).filter(|k| inside(*k)).collect();
+            let list: Vec<usize> = fitted.texels.iter().map(|x| x.at).filter(|k| inside(*k)).collect();
             if list.is_empty() {
                 continue;
             }
             let places: Vec<[u32; 2]> = list.iter().map(|k| [(k % m.width) as u32, (k / m.width) as u32]).collect();
             let band = capture.band(fitted.side, pass.name, rows.clone(), &places, &split.held)?;
             let noise = level.readings(capture, &places);
-            let residuals: Vec<Option<Vec<[f64; 3]>>> = list
+            let residuals: Vec<Option<Vec<Rgb>>> = list
                 .par_iter()
                 .enumerate()
                 .map_init(PredictionScratch::default, |scratch, (n, &k)| {
                     let values = predictor.values(scratch, &texel(k)?, at(k));
-                    let z = |(f, v): (usize, &[f64; 3])| {
-                        [0, 1, 2].map(|c: usize| (f64::from(band[f][n][c]) - v[c]) / noise[n].variance(c, v[c]).sqrt())
+                    let z = |(f, v): (usize, &Rgb)| {
+                        Rgb::of(|c| (f64::from(band[f][n][c]) - v[c]) / noise[n].variance(c, v[c]).sqrt())
                     };
                     Some(values.iter().enumerate().map(z).collect())
                 })
@@ -224,10 +225,9 @@ fn nearest_the_peak(scan: &ScanRecord, travel: Travel, positions: &[f64]) -> Vec
 /// One floor is used for the whole side: that of the median texel.
 fn light_box(capture: &TubeCapture, fitted: &LeafSideFit, relative: f64) -> Option<LightBoxResiduals> {
     let m = &capture.manifest;
-    let floor = [0, 1, 2].map(|c: usize| median_of(fitted.texels.iter().map(|x| x.rho_t_floor[c])).unwrap_or(f64::NAN));
+    let floor = Rgb::of(|c| median_of(fitted.texels.iter().map(|x| x.reading.rho_t_floor[c])).unwrap_or(f64::NAN));
     let incidence = m.lightbox.camera_deg.to_radians().cos();
-    let thickness: BTreeMap<usize, f64> =
-        fitted.at.iter().zip(&fitted.thickness).map(|(k, t)| (*k as usize, *t)).collect();
+    let thickness: BTreeMap<usize, f64> = fitted.texels.iter().map(|x| (x.at, x.interior.thickness)).collect();
     through(
         fitted.sigma_a,
         fitted.sigma_s,
@@ -235,8 +235,8 @@ fn light_box(capture: &TubeCapture, fitted: &LeafSideFit, relative: f64) -> Opti
         incidence,
         relative,
         floor,
-        fitted.at.iter().map(|k| *k as usize),
-        |k| (thickness.get(&k).copied().unwrap_or(f64::NAN), fitted.measured.rho_t[k].map(f64::from)),
+        fitted.texels.iter().map(|x| x.at),
+        |k| (thickness.get(&k).copied().unwrap_or(f64::NAN), Rgb(fitted.measured.rho_t[k]).map(f64::from)),
     )
 }
 
@@ -244,19 +244,19 @@ fn light_box(capture: &TubeCapture, fitted: &LeafSideFit, relative: f64) -> Opti
 /// transmittances.
 #[allow(clippy::too_many_arguments)]
 pub(super) fn through(
-    sigma_a: [f64; 3],
-    sigma_s: [f64; 3],
+    sigma_a: Rgb,
+    sigma_s: Rgb,
     h: f64,
     incidence: f64,
     relative: f64,
-    floor: [f64; 3],
+    floor: Rgb,
     texels: impl Iterator<Item = usize>,
-    texel: impl Fn(usize) -> (f64, [f64; 3]),
+    texel: impl Fn(usize) -> (f64, Rgb),
 ) -> Option<LightBoxResiduals> {
     if !sigma_a.iter().chain(&sigma_s).all(|v| v.is_finite() && *v > 0.0) {
         return None;
     }
-    let curves = [0, 1, 2].map(|c: usize| ThicknessCurve::new(sigma_a[c], sigma_s[c], h, Incidence(incidence)));
+    let curves = sigma_a.zip(sigma_s, |a, s| ThicknessCurve::new(a, s, h, Incidence(incidence)));
     let mut tally = ResidualTally::default();
     for k in texels {
         let (thickness, measured) = texel(k);
@@ -270,7 +270,7 @@ pub(super) fn through(
     }
     (tally.readings > 0).then(|| LightBoxResiduals {
         noise_relative: relative,
-        noise_floor: floor,
+        noise_floor: floor.into(),
         readings: tally.readings,
         reduced_chi2: tally.reduced_chi2(),
         expected: 2.0 / 3.0,

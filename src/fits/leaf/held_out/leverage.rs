@@ -151,8 +151,12 @@ mod tests {
             ..ScanRecord::default()
         };
         let positions: Vec<f64> = (0..60).map(|k| -400.0 + 650.0 * f64::from(k) / 59.0).collect();
-        let texel =
-            TexelParameters { rho_d: [0.05, 0.1, 0.03], rho_s: [0.04; 3], m: 0.3, normal: [0.1, 0.0, 0.99f64.sqrt()] };
+        let texel = TexelParameters {
+            rho_d: [0.05, 0.1, 0.03].into(),
+            rho_s: [0.04; 3].into(),
+            m: 0.3,
+            normal: [0.1, 0.0, 0.99f64.sqrt()],
+        };
         let pass = FramePredictor::new(&scan, Travel::X, &positions);
         let rows: Vec<Slope> = slopes(&scan, &pass, &mut PredictionScratch::default(), &texel, [3.0, -2.0], 1)
             .into_iter()

@@ -2,6 +2,7 @@
 
 use super::ScanRecord;
 use mesophyll_base::processor::InstructionSet;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::tube::evaluator::{COLUMNS, PassEvaluator, TubeGeometry};
@@ -11,9 +12,9 @@ use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TexelParameters {
     /// Diffuse reflectance ρd, a channel each.
-    pub rho_d: [f64; 3],
+    pub rho_d: Rgb,
     /// Gloss reflectance ρs, a channel each.
-    pub rho_s: [f64; 3],
+    pub rho_s: Rgb,
     /// Slope of the gloss.
     pub m: f64,
     /// Unit normal in the frame of the scan.
@@ -29,7 +30,7 @@ pub fn texel_of(maps: &ChannelMaps) -> Option<impl Fn(usize) -> Option<TexelPara
     let m = maps.scalar(Quantity::M)?;
     Some(move |k: usize| {
         let three = |p: &[&[f32]; 3]| p.map(|c| f64::from(c[k]));
-        let (rho_d, rho_s, n) = (three(&rho_d), three(&rho_s), three(&normal));
+        let (rho_d, rho_s, n) = (Rgb(three(&rho_d)), Rgb(three(&rho_s)), three(&normal));
         let length = n.iter().map(|v| v * v).sum::<f64>().sqrt();
         let whole = rho_d.iter().chain(&rho_s).all(|v| v.is_finite()) && length > 0.5 && length.is_finite();
         // A matte texel has no slope and no gloss lobe, so any slope will do.
@@ -85,10 +86,8 @@ impl FramePredictor {
     }
 
     /// Predicted value a frame and channel.
-    pub fn values(&self, scratch: &mut PredictionScratch, texel: &TexelParameters, at: [f64; 2]) -> Vec<[f64; 3]> {
+    pub fn values(&self, scratch: &mut PredictionScratch, texel: &TexelParameters, at: [f64; 2]) -> Vec<Rgb> {
         let columns = self.columns(scratch, texel, at, &[]);
-        (0..self.frames())
-            .map(|k| [0, 1, 2].map(|c: usize| texel.rho_d[c] * columns[0][k] + texel.rho_s[c] * columns[1][k]))
-            .collect()
+        (0..self.frames()).map(|k| texel.rho_d * columns[0][k] + texel.rho_s * columns[1][k]).collect()
     }
 }

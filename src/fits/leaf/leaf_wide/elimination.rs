@@ -3,11 +3,12 @@
 
 use super::{LeafWideSettings, LeafWideTexel, Sums, TexelInterior, V6};
 use crate::leaf::curve::ThicknessCurve;
+use mesophyll_base::rgb::Rgb;
 use nalgebra::SVector;
 
 /// The thickness t that explains three transmittances best, by Gauss–Newton in ln t from the last one, or from a scan
 /// if there is none.
-fn solve_thickness(x: &LeafWideTexel, start: f64, curves: &[ThicknessCurve; 3], settings: &LeafWideSettings) -> f64 {
+fn solve_thickness(x: &LeafWideTexel, start: f64, curves: &Rgb<ThicknessCurve>, settings: &LeafWideSettings) -> f64 {
     let [lo, hi] = curves[0].range().map(f64::ln);
     let cost = |t: f64| {
         (0..3)
@@ -50,12 +51,12 @@ pub(super) fn eliminate(
     x: &LeafWideTexel,
     in_gauge: f64,
     ln_t: &mut f64,
-    curves: &[ThicknessCurve; 3],
+    curves: &Rgb<ThicknessCurve>,
     settings: &LeafWideSettings,
     sums: &mut Sums,
 ) -> TexelInterior {
     *ln_t = solve_thickness(x, *ln_t, curves, settings);
-    let points = [0, 1, 2].map(|c: usize| curves[c].at(*ln_t));
+    let points = Rgb::of(|c| curves[c].at(*ln_t));
     let (mut residual, mut slope, mut weight) = ([0.0; 3], [0.0; 3], [0.0; 3]);
     let (mut information, mut bend, mut chi2) = (0.0, 0.0, 0.0);
     for c in 0..3 {
@@ -103,7 +104,7 @@ pub(super) fn eliminate(
         weight: trust * usable,
         ..TexelInterior::default()
     };
-    local.pull = [0, 1, 2].map(|c: usize| weight[c] * slope[c] * variance);
+    local.pull = Rgb(weight) * Rgb(slope) * variance;
     sums.weight += in_gauge;
     sums.gauge[0] += in_gauge * t * (1.0 - usable * (bias + 0.5 * variance));
     // How much the values of the gauges change with the thickness, and the covariance of γ's own part with the

@@ -13,6 +13,7 @@ mod gauge;
 use crate::leaf::curve::{Incidence, ThicknessCurve};
 use elimination::eliminate;
 use gauge::{constrained_step, covariance};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::solvers::damping::{self, DampedProblem, DampingControl};
 use mesophyll_base::solvers::{Termination, Trace, TraceRow};
 use nalgebra::{SMatrix, SVector};
@@ -26,19 +27,19 @@ type M6 = SMatrix<f64, 6, 6>;
 const UNIT: usize = 4096;
 
 /// The readings of one texel; only good texels are passed to the fit.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct LeafWideTexel {
     /// Diffuse reflectance ρd, a channel each.
-    pub rho_d: [f64; 3],
+    pub rho_d: Rgb,
     /// Standard error of ρd, a channel each.
-    pub rho_d_err: [f64; 3],
+    pub rho_d_err: Rgb,
     /// Transmittance ρt, a channel each.
-    pub rho_t: [f64; 3],
+    pub rho_t: Rgb,
     /// Noise of ρt without light. A transmittance T has the variance (relative·T)² + floor²; the relative part is
     /// [`LeafWideSettings::relative`].
-    pub rho_t_floor: [f64; 3],
+    pub rho_t_floor: Rgb,
     /// Covariance of ρd and ρt, a channel each: the same dark frame was subtracted from both.
-    pub covariance: [f64; 3],
+    pub covariance: Rgb,
 }
 
 impl LeafWideTexel {
@@ -60,11 +61,11 @@ pub struct TexelInterior {
     /// Standard error of the thickness (mm).
     pub thickness_err: f64,
     /// d ln thickness / d ρt, a channel.
-    pub pull: [f64; 3],
+    pub pull: Rgb,
     /// γ: the texel's reflectance relative to the leaf's, a channel each.
-    pub gamma: [f64; 3],
+    pub gamma: Rgb,
     /// Standard error of γ, a channel each.
-    pub gamma_err: [f64; 3],
+    pub gamma_err: Rgb,
     /// χ² of the transmittance (three channels, one unknown).
     pub chi2: f64,
     /// 1 for a texel that the fit believes, less for one it weighs down.
@@ -75,9 +76,9 @@ pub struct TexelInterior {
 #[derive(Debug, Clone)]
 pub struct LeafWideFit {
     /// Absorption coefficient σa (1/mm), a channel each.
-    pub sigma_a: [f64; 3],
+    pub sigma_a: Rgb,
     /// Scattering coefficient σs (1/mm), a channel each.
-    pub sigma_s: [f64; 3],
+    pub sigma_s: Rgb,
     /// Covariance of (ln σa, ln σs) a channel, in the order r_a, r_s, g_a, g_s, b_a, b_s. It is statistical only; the
     /// error of h comes on top.
     pub covariance: M6,
@@ -92,7 +93,7 @@ pub struct LeafWideFit {
     /// How many directions of the shared parameters the texels determine.
     pub rank: usize,
     /// The fitted slab's response over thickness, a channel each.
-    pub curves: [ThicknessCurve; 3],
+    pub curves: Rgb<ThicknessCurve>,
     /// What is left of the gauges: mean thickness − h (mm) and mean γ − 1.
     pub gauge: [f64; 4],
 }
@@ -120,7 +121,7 @@ pub struct LeafSharedErrors {
     /// The part that is alike in the three channels.
     pub shared: f64,
     /// The part of each channel alone.
-    pub own: [f64; 3],
+    pub own: Rgb,
 }
 
 /// Sums over texels for one Gauss–Newton step.
@@ -174,7 +175,7 @@ impl Sums {
 pub fn fit(
     texels: &[LeafWideTexel],
     missing: &[GaugeSubstitutes],
-    start: [[f64; 2]; 3],
+    start: Rgb<[f64; 2]>,
     settings: &LeafWideSettings,
 ) -> LeafWideFit {
     let mut weights = vec![1.0; texels.len()];
@@ -190,8 +191,8 @@ pub fn fit(
     let (covariance, condition, rank) = covariance(&sums, &settings.common);
     let gauge = sums.gap(settings.h);
     LeafWideFit {
-        sigma_a: [0, 1, 2].map(|c: usize| p[2 * c].exp()),
-        sigma_s: [0, 1, 2].map(|c: usize| p[2 * c + 1].exp()),
+        sigma_a: Rgb::of(|c| p[2 * c].exp()),
+        sigma_s: Rgb::of(|c| p[2 * c + 1].exp()),
         covariance,
         locals,
         termination,
@@ -218,7 +219,7 @@ struct Leaf<'a> {
 struct Point {
     p: V6,
     ln_t: Vec<f64>,
-    curves: [ThicknessCurve; 3],
+    curves: Rgb<ThicknessCurve>,
     sums: Sums,
     locals: Vec<TexelInterior>,
 }
@@ -278,11 +279,9 @@ impl Leaf<'_> {
     fn evaluate(&mut self, p: V6, mut ln_t: Vec<f64>) -> Point {
         self.evaluations += 1;
         let settings = self.settings;
-        let curves: Vec<ThicknessCurve> = (0..3usize)
-            .into_par_iter()
-            .map(|c| ThicknessCurve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence))
-            .collect();
-        let curves: [ThicknessCurve; 3] = [curves[0].clone(), curves[1].clone(), curves[2].clone()];
+        let curve = |c: usize| ThicknessCurve::new(p[2 * c].exp(), p[2 * c + 1].exp(), settings.h, settings.incidence);
+        let (r, (g, b)) = rayon::join(|| curve(0), || rayon::join(|| curve(1), || curve(2)));
+        let curves = Rgb([r, g, b]);
         let parts: Vec<(Sums, Vec<TexelInterior>)> = self
             .texels
             .par_chunks(UNIT)

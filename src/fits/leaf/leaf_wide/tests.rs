@@ -8,8 +8,7 @@ pub fn leaf(n: usize, noise: f64, seed: u64) -> (Vec<LeafWideTexel>, [[f64; 2]; 
     let sigma = [[9.0, 18.0], [2.6, 16.0], [22.0, 21.0]];
     let t: Vec<f64> = (0..n).map(|k| 0.2 * (1.0 + 0.35 * (k as f64 * 0.7).sin())).collect();
     let h = t.iter().sum::<f64>() / n as f64;
-    let mut gamma: Vec<[f64; 3]> =
-        (0..n).map(|k| [0, 1, 2].map(|c| 1.0 + 0.2 * (k as f64 * (0.3 + f64::from(c))).cos())).collect();
+    let mut gamma: Vec<Rgb> = (0..n).map(|k| Rgb::of(|c| 1.0 + 0.2 * (k as f64 * (0.3 + c as f64)).cos())).collect();
     for c in 0..3 {
         let mean = gamma.iter().map(|g| g[c]).sum::<f64>() / n as f64;
         gamma.iter_mut().for_each(|g| g[c] /= mean);
@@ -20,13 +19,7 @@ pub fn leaf(n: usize, noise: f64, seed: u64) -> (Vec<LeafWideTexel>, [[f64; 2]; 
     };
     let texels = (0..n)
         .map(|k| {
-            let mut x = LeafWideTexel {
-                rho_d: [0.0; 3],
-                rho_d_err: [0.0; 3],
-                rho_t: [0.0; 3],
-                rho_t_floor: [1e-9; 3],
-                covariance: [0.0; 3],
-            };
+            let mut x = LeafWideTexel { rho_t_floor: Rgb::splat(1e-9), ..LeafWideTexel::default() };
             for c in 0..3 {
                 let r = slab::medium::response(sigma[c][0], sigma[c][1], t[k]);
                 let d = gamma[k][c] * r.rho_d;
@@ -54,7 +47,7 @@ fn settings(h: f64, noise: f64) -> LeafWideSettings {
 #[test]
 fn noise_free_leaves_are_recovered() {
     let (texels, sigma, t, h) = leaf(3000, 0.0, 1);
-    let wide = fit(&texels, &[], [[6.0, 12.0], [4.0, 12.0], [15.0, 30.0]], &settings(h, 0.0));
+    let wide = fit(&texels, &[], Rgb([[6.0, 12.0], [4.0, 12.0], [15.0, 30.0]]), &settings(h, 0.0));
     assert!(wide.termination.converged(), "{:?} {:#?}", wide.termination, wide.trace);
     for c in 0..3 {
         assert!((wide.sigma_a[c] / sigma[c][0] - 1.0).abs() < 2e-4, "{:?} {:?}", wide.sigma_a, sigma);
@@ -70,7 +63,7 @@ fn errors_cover_the_truth() {
     let (mut inside, mut total, mut delta_inside, mut delta_total) = (0, 0, 0, 0);
     for seed in 0..24 {
         let (texels, sigma, t, h) = leaf(600, 0.02, 100 + seed);
-        let wide = fit(&texels, &[], [[6.0, 12.0], [4.0, 12.0], [15.0, 30.0]], &settings(h, 0.02));
+        let wide = fit(&texels, &[], Rgb([[6.0, 12.0], [4.0, 12.0], [15.0, 30.0]]), &settings(h, 0.02));
         for c in 0..3 {
             for k in 0..2 {
                 let found = if k == 0 { wide.sigma_a[c] } else { wide.sigma_s[c] };
@@ -97,10 +90,10 @@ fn a_lost_direction_is_not_a_certain_one() {
     let (mut texels, sigma, _, h) = leaf(400, 0.01, 5);
     let settings = settings(h, 0.01);
     for x in &mut texels {
-        x.rho_t_floor = [5e-4; 3];
+        x.rho_t_floor = Rgb::splat(5e-4);
         x.rho_t[2] = 0.0;
     }
-    let wide = fit(&texels, &[], [[9.0, 18.0], [2.6, 16.0], [110.0, 105.0]], &settings);
+    let wide = fit(&texels, &[], Rgb([[9.0, 18.0], [2.6, 16.0], [110.0, 105.0]]), &settings);
     let relative = |k: usize| wide.covariance[(k, k)].sqrt();
     assert!(relative(4).is_infinite() && relative(5).is_infinite(), "{:?}", wide.covariance);
     assert!((0..4).all(|k| relative(k) < 0.05), "{:?}", wide.covariance);

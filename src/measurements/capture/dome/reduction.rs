@@ -17,6 +17,7 @@ use super::shape::{filled, shape};
 use super::visibility::visible;
 use crate::lightbox::mask_from_transmission;
 use crate::{Error, Result};
+use mesophyll_base::image::ImageSize;
 use mesophyll_optics::defect::{Defect, GOOD, OUTSIDE};
 use mesophyll_optics::side::{Side, mirror};
 use mesophyll_optics::translucency::blade::{BladeMaps, SurfaceMaps};
@@ -288,7 +289,7 @@ fn outline(capture: &DomeCapture, through: [&[[f64; 3]]; 2]) -> Result<Vec<bool>
     let (w, h) = (capture.manifest.width, capture.manifest.height);
     let seen = [0, 1].map(|s: usize| {
         let ratio: Vec<[f32; 3]> = through[s].iter().map(|v| v.map(|v| v as f32)).collect();
-        mask_from_transmission(&ratio, w, h)
+        mask_from_transmission(&ratio, ImageSize::new(w, h))
     });
     let path = |side| DomePicture::Translucency.path(&capture.folder, side);
     for (side, seen) in [Side::Front, Side::Back].into_iter().zip(&seen) {

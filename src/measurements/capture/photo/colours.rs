@@ -5,6 +5,7 @@ use super::encoding::{self, Decoded};
 use super::manifest::TransferCurve;
 use super::picture::too_large;
 use crate::photo::{Error, Result};
+use mesophyll_base::image::ImageSize;
 use mesophyll_files::image::{ChannelMaps, exr_info, read_exr};
 use mesophyll_files::picture::{self, PictureRequest, RGB};
 use std::path::Path;
@@ -121,7 +122,8 @@ fn floats(path: &Path, meaning: PictureEncoding) -> Result<ColourPicture> {
     };
     let pixels: Vec<[f32; 4]> = (0..width * height).map(pixel).collect();
     if let Some(k) = pixels.iter().position(|p| p[3] > 0.0 && p.iter().any(|v| !v.is_finite())) {
-        let what = format!("column {}, row {}: found {:?}, expected finite numbers", k % width, k / width, pixels[k]);
+        let [column, row] = ImageSize::new(width, height).position(k);
+        let what = format!("column {column}, row {row}: found {:?}, expected finite numbers", pixels[k]);
         return Err(Error::input(path, what));
     }
     let (grey, has_opacity, transfer) = (one.is_some(), opacity.is_some(), TransferCurve::Linear);

@@ -8,6 +8,7 @@
 use super::diffuse::fresnel;
 use super::manifest::PhotoManifest;
 use crate::dome::highlight::{Highlight, fresnel_normal};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::quantile;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::Side;
@@ -42,7 +43,7 @@ pub(super) struct Gloss {
 
 /// The gloss of `side`. `seen` holds the side's reflectance with gloss, without what the sheet adds, and `noise` its
 /// noise, where `inner` is set: away from the outline, where pixels also show the dark sheet.
-pub(super) fn gloss(m: &PhotoManifest, side: Side, seen: &[[f64; 3]], noise: &[[f64; 3]], inner: &[bool]) -> Gloss {
+pub(super) fn gloss(m: &PhotoManifest, side: Side, seen: &[Rgb], noise: &[Rgb], inner: &[bool]) -> Gloss {
     // A texel's noise makes it look darker or brighter. As many texels of an even leaf as are left out here lie
     // `DARKEST_NOISE` below it, so that this is added again.
     let darkest = |k: usize| (0..3).map(|c| seen[k][c] + DARKEST_NOISE * noise[k][c]).fold(f64::INFINITY, f64::min);
@@ -121,26 +122,26 @@ mod tests {
         let mut stream = RandomStream::new(3, &[1]);
         let mut seen = Vec::new();
         for k in 0..n {
-            let noise = [0, 1, 2].map(|_| 0.004 * stream.normal_pair()[0]);
+            let noise = Rgb::of(|_| 0.004 * stream.normal_pair()[0]);
             let outline = if k < n / 20 { 0.5 } else { 1.0 };
-            seen.push([0, 1, 2].map(|c: usize| outline * [0.06, 0.09, 0.028][c] + noise[c]));
+            seen.push(outline * Rgb([0.06, 0.09, 0.028]) + noise);
         }
-        let noise = vec![[0.004; 3]; n];
+        let noise = vec![Rgb::splat(0.004); n];
         let inner: Vec<bool> = (0..n).map(|k| k >= n / 20).collect();
         let found = gloss(&manifest(""), Side::Front, &seen, &noise, &inner).normal;
         assert!((found.at_most - 0.028).abs() < 1e-3, "{found:?}");
         let within = (found.share - 0.028).abs() / found.stderr;
         assert!(within < 1.8, "the ends of a range are √3 standard deviations from its middle: {found:?}");
         // With the outline and without regard to noise it was much too low.
-        let all = crate::dome::highlight::estimate(&seen, &vec![true; n], None);
+        let all = crate::dome::highlight::estimate(&seen.iter().map(|v| v.0).collect::<Vec<_>>(), &vec![true; n], None);
         assert!(all.at_most < 0.018, "{all:?}");
     }
 
     #[test]
     fn stated_gloss_is_fresnels_law() {
         let m = manifest("gloss = { index = [1.4, 1.5], index_err = 0.05, slope = [0.05, 0.05] }");
-        let seen = vec![[0.1; 3]; 9];
-        let [front, back] = [Side::Front, Side::Back].map(|s| gloss(&m, s, &seen, &[[0.0; 3]; 9], &[true; 9]));
+        let seen = vec![Rgb::splat(0.1); 9];
+        let [front, back] = [Side::Front, Side::Back].map(|s| gloss(&m, s, &seen, &[Rgb::default(); 9], &[true; 9]));
         assert!((front.normal.share / 0.02778 - 1.0).abs() < 0.02 && (back.normal.share / 0.04 - 1.0).abs() < 0.02);
         // Light from all sides: .0768 and .0918 (Walsh's closed form, checked against Fresnel's law elsewhere).
         assert!((front.all_round - 0.0768).abs() < 1e-3 && (back.all_round - 0.0918).abs() < 1e-3);

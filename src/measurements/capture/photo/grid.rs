@@ -4,6 +4,8 @@ use super::manifest::PhotoManifest;
 use super::picture::LinearPhotograph;
 use super::ruler::PictureScale;
 use crate::photo::Result;
+use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -32,10 +34,15 @@ pub(super) struct Grid {
 }
 
 impl Grid {
+    /// Columns and rows.
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
+    }
+
     /// The middle of texel `k`, in the front's picture.
     pub fn middle(&self, k: usize) -> [f64; 2] {
-        let [x, y] = [self.origin[0] + k % self.width * self.step, self.origin[1] + k / self.width * self.step];
-        [x, y].map(|v| v as f64 + 0.5 * self.step as f64)
+        let at = self.size().position(k);
+        [0, 1].map(|a| (self.origin[a] + at[a] * self.step) as f64 + 0.5 * self.step as f64)
     }
 
     /// Places each way at which a texel is read in a picture of which a pixel of the front covers `scale` pixels each
@@ -60,24 +67,23 @@ impl Grid {
 
     /// The mean of `value` over every texel that is asked for. `value` takes a place in the front's picture and reads
     /// another one, of which a pixel of the front covers `scale` pixels each way; every pixel is read.
-    pub fn mean(&self, wanted: &[bool], scale: f64, value: impl Fn([f64; 2]) -> [f64; 3] + Sync) -> Vec<[f64; 3]> {
+    pub fn mean(&self, wanted: &[bool], scale: f64, value: impl Fn([f64; 2]) -> Rgb + Sync) -> Vec<Rgb> {
         let side = self.places(scale);
         let (n, each) = ((side * side) as f64, self.step as f64 / side as f64);
         let texel = |k: usize| {
-            let mut sum = [0.0; 3];
+            let mut sum = Rgb::splat(0.0);
             let [x, y] = self.middle(k).map(|v| v - 0.5 * self.step as f64);
             for s in 0..side * side {
-                let v = value([x + ((s % side) as f64 + 0.5) * each, y + ((s / side) as f64 + 0.5) * each]);
-                (0..3).for_each(|c| sum[c] += v[c] / n);
+                sum += value([x + ((s % side) as f64 + 0.5) * each, y + ((s / side) as f64 + 0.5) * each]) / n;
             }
             sum
         };
-        (0..wanted.len()).into_par_iter().map(|k| if wanted[k] { texel(k) } else { [f64::NAN; 3] }).collect()
+        (0..wanted.len()).into_par_iter().map(|k| if wanted[k] { texel(k) } else { Rgb::splat(f64::NAN) }).collect()
     }
 
     /// How much a camera's lens and sampling between pixels smooth a map away: [`BLUR`] times the map's second
     /// differences. `scale` is the size of a pixel of the front in pixels of the picture.
-    pub fn blur(&self, map: &[[f64; 3]], k: usize, c: usize, scale: f64) -> f64 {
+    pub fn blur(&self, map: &[Rgb], k: usize, c: usize, scale: f64) -> f64 {
         let (w, at) = (self.width, |k: usize| map.get(k).map_or(f64::NAN, |v| v[c]));
         let bend = at(k + 1) + at(k.wrapping_sub(1)) + at(k + w) + at(k.wrapping_sub(w)) - 4.0 * at(k);
         if bend.is_finite() { BLUR * bend.abs() / (self.step as f64 * scale).powi(2) } else { 0.0 }
@@ -86,7 +92,7 @@ impl Grid {
     /// How much a map changes from a texel to its neighbours: the larger step along either axis, both axes together. A
     /// map that lies askew by a share of a texel shows that share of it. (The difference of the neighbours on both
     /// sides would not do: it is nothing on a vein.)
-    pub fn slope(&self, map: &[[f64; 3]], k: usize, c: usize) -> f64 {
+    pub fn slope(&self, map: &[Rgb], k: usize, c: usize) -> f64 {
         let (w, at) = (self.width, |k: usize| map.get(k).map_or(f64::NAN, |v| v[c]));
         let larger = |a: usize, b: usize| {
             let steps = [at(a) - at(k), at(b) - at(k)];
@@ -107,8 +113,7 @@ pub(super) fn grid(
     picture: &LinearPhotograph,
     scale: PictureScale,
 ) -> Result<Grid> {
-    let w = picture.width;
-    let on = || mask.iter().enumerate().filter(|(_, m)| **m).map(|(k, _)| [k % w, k / w]);
+    let on = || mask.iter().enumerate().filter(|(_, m)| **m).map(|(k, _)| picture.size().position(k));
     let low = [0, 1].map(|a: usize| on().map(|p| p[a]).min().unwrap_or(0));
     let high = [0, 1].map(|a: usize| on().map(|p| p[a]).max().unwrap_or(0));
     let longest = (high[0] - low[0]).max(high[1] - low[1]) + 1;

@@ -14,6 +14,7 @@
 use super::diffuse::over_normal;
 use super::gloss::Gloss;
 use super::manifest::PhotoManifest;
+use mesophyll_base::rgb::Rgb;
 
 /// Rounds; each leaves a tenth of the change of the last one at most.
 const ROUNDS: usize = 8;
@@ -24,11 +25,11 @@ const MEAN: f64 = 0.05;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     /// Reflectance in open shade with all that adds to it.
-    pub shade: [f64; 3],
+    pub shade: Rgb,
     /// Its relative standard error.
     pub shade_err: f64,
     /// Leaf on the light table over bare table.
-    pub table: [f64; 3],
+    pub table: Rgb,
     /// The side that faced the camera then, 0 for the front: this side, or the other one where it alone was seen.
     pub up: usize,
 }
@@ -37,13 +38,13 @@ pub(super) struct Seen {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Returned {
     /// What the sheet adds in open shade, over the square of ρt; a channel.
-    pub sheet: [f64; 3],
+    pub sheet: Rgb,
     /// By which share the leaf made the table behind it brighter, when this side's ρt was seen; a channel.
-    pub table: [f64; 3],
+    pub table: Rgb,
     /// Relative standard error of ρt from that.
-    pub table_err: [f64; 3],
+    pub table_err: Rgb,
     /// Share of light from all sides that this side reflects.
-    pub all_round: [f64; 3],
+    pub all_round: Rgb,
 }
 
 /// What is returned for front and back.
@@ -106,7 +107,7 @@ mod tests {
         let m: PhotoManifest = toml::from_str(text).unwrap();
         let (sigma_a, sigma_s, h) = ([20.0, 3.0, 12.0], [4.0, 14.0, 9.0], 0.15);
         let (mirrored, all_round) = (0.028, 0.0768);
-        let mut seen = Seen { shade: [0.0; 3], shade_err: 0.0, table: [0.0; 3], up: 0 };
+        let mut seen = Seen { shade: Rgb::default(), shade_err: 0.0, table: Rgb::default(), up: 0 };
         let mut truth = Vec::new();
         for c in 0..3 {
             let at = |mu: f64| response_at(mu, sigma_a[c], sigma_s[c], h);

@@ -3,6 +3,8 @@
 //! holds for leaf and card too.
 
 use super::picture::LinearPhotograph;
+use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 type V6 = SVector<f64, 6>;
@@ -19,7 +21,7 @@ const UNSEEN: f64 = 0.05;
 pub struct SheetLight {
     size: [f64; 2],
     /// Coefficients of ln light, a channel; `None` where the sheet does not show enough.
-    by: Option<[V6; 3]>,
+    by: Option<Rgb<V6>>,
     /// (XᵀX)⁻¹ of the fit.
     spread: SMatrix<f64, 6, 6>,
     /// Relative root mean square of what the polynomial leaves of the sheet's blocks: noise, the sheet's grain, and
@@ -34,24 +36,24 @@ impl SheetLight {
     pub fn on_sheet(picture: &LinearPhotograph, bright: &[bool]) -> SheetLight {
         let (w, h) = (picture.width, picture.height);
         let side = (w.max(h) / BLOCKS).max(4);
-        let (columns, rows) = (w / side, h / side);
-        let busy: Vec<bool> = (0..columns * rows)
+        let blocks = ImageSize::new(w / side, h / side);
+        let busy: Vec<bool> = (0..blocks.texels())
             .map(|b| {
-                let (i, j) = (b % columns * side, b / columns * side);
+                let [i, j] = blocks.position(b).map(|v| v * side);
                 (j..j + side).any(|y| bright[y * w + i..y * w + i + side].contains(&true))
             })
             .collect();
-        let busy = super::outline::widened(&busy, columns, rows, 1);
+        let busy = super::outline::widened(&busy, blocks, 1);
         let size = [w as f64, h as f64];
         let mut light = SheetLight { size, by: None, spread: SMatrix::zeros(), rest: UNSEEN, blocks: 0 };
-        let mut points: Vec<(V6, [f64; 3])> = Vec::new();
-        for b in (0..columns * rows).filter(|&b| !busy[b]) {
-            let (i, j) = (b % columns * side, b / columns * side);
-            let (mut sum, mut count) = ([0.0; 3], 0.0);
+        let mut points: Vec<(V6, Rgb)> = Vec::new();
+        for b in (0..blocks.texels()).filter(|&b| !busy[b]) {
+            let [i, j] = blocks.position(b).map(|v| v * side);
+            let (mut sum, mut count) = (Rgb::splat(0.0), 0.0);
             for k in (j..j + side).flat_map(|y| (i..i + side).map(move |x| y * w + x)) {
                 let pixel = picture.pixels[k];
                 if pixel.iter().all(|v| v.is_finite()) {
-                    (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
+                    sum += Rgb(pixel).map(f64::from);
                     count += 1.0;
                 }
             }
@@ -68,7 +70,7 @@ impl SheetLight {
         let normal = x.transpose() * &x;
         let Some(inverse) = normal.try_inverse() else { return light };
         let mut squares = 0.0;
-        let by = [0, 1, 2].map(|c: usize| {
+        let by = Rgb::of(|c| {
             let y = DVector::from_fn(points.len(), |r, _| points[r].1[c]);
             let found = &inverse * (x.transpose() * &y);
             squares += (y - &x * &found).norm_squared();
@@ -92,9 +94,9 @@ impl SheetLight {
     }
 
     /// The light at a place of the picture; 1 everywhere where the sheet does not show it.
-    pub fn at(&self, p: [f64; 2]) -> [f64; 3] {
+    pub fn at(&self, p: [f64; 2]) -> Rgb {
         let design = self.design(p);
-        self.by.map_or([1.0; 3], |by| by.map(|c| c.dot(&design).exp()))
+        self.by.map_or(Rgb::splat(1.0), |by| by.map(|c| c.dot(&design).exp()))
     }
 
     /// Standard error of ln(light at `a`/light at `b`): that of the polynomial, and the rest of one block.

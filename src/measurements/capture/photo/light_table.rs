@@ -6,6 +6,7 @@ use super::outline::{on_table, widened};
 use super::picture::LinearPhotograph;
 use super::texture::Chosen;
 use crate::photo::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::{median, quantile};
 
 /// A share of the picture at least is bare table, by which it is told how bright the table is now.
@@ -18,7 +19,7 @@ pub(super) struct OnTable {
     /// Pixels of the leaf.
     pub mask: Vec<bool>,
     /// The ratio and its relative standard error, a channel.
-    pub exposure: [[f64; 2]; 3],
+    pub exposure: Rgb<[f64; 2]>,
 }
 
 /// Finds the leaf on the light table.
@@ -53,7 +54,7 @@ pub(super) fn on_light_table(picture: &LinearPhotograph, bare: &LinearPhotograph
         })
         .collect();
     // The table may have become darker or brighter. The leaf is darker than the table beside it, whatever that shows.
-    let now = [0, 1, 2].map(|c: usize| {
+    let now = Rgb::of(|c| {
         let mut list: Vec<f64> = ratio.iter().step_by(sample).map(|v| f64::from(v[c])).collect();
         list.retain(|v| v.is_finite());
         let brightest = quantile(&mut list, 1.0 - BARE).unwrap_or(0.0);
@@ -66,8 +67,8 @@ pub(super) fn on_light_table(picture: &LinearPhotograph, bare: &LinearPhotograph
     }
     ratio.iter_mut().for_each(|v| (0..3).for_each(|c| v[c] /= now[c] as f32));
     let mask = on_table(picture, &ratio)?;
-    let near = widened(&mask, w, h, w.max(h) / 60 + 2);
-    let exposure = [0, 1, 2].map(|c: usize| {
+    let near = widened(&mask, picture.size(), w.max(h) / 60 + 2);
+    let exposure = Rgb::of(|c| {
         let mut beside: Vec<f64> =
             (0..w * h).filter(|&k| !near[k] && ratio[k][c].is_finite()).map(|k| f64::from(ratio[k][c])).collect();
         if beside.len() < 100 {
@@ -84,11 +85,11 @@ pub(super) fn on_light_table(picture: &LinearPhotograph, bare: &LinearPhotograph
 /// What is seen of one side on the light table, texel by texel.
 pub(super) struct OverBare {
     /// The leaf over the bare table, which is ρt where nothing comes back from the leaf to the table.
-    pub value: Vec<[f64; 3]>,
+    pub value: Vec<Rgb>,
     /// Its standard error from noise and from the place in the picture.
-    pub error: Vec<[f64; 3]>,
+    pub error: Vec<Rgb>,
     /// Relative standard error that all texels share.
-    pub shared: [f64; 3],
+    pub shared: Rgb,
     /// How the leaf's outline lies over the front's.
     pub found: Chosen,
     /// How bright the table was beside the leaf, over the bare picture (green).
@@ -110,14 +111,13 @@ pub(super) fn over_bare(
     let size = motion.scale();
     let value = grid.mean(mask, size, |p| {
         let at = motion.at(p);
-        let (l, b) = (picture.at(at), bare.at(at));
-        [0, 1, 2].map(|c: usize| l[c] / b[c] * factor[c])
+        picture.at(at) / bare.at(at) * factor
     });
     let (side, apart) = (grid.read(size), found.found.apart_px / grid.step as f64);
     let error = (0..value.len())
         .map(|k| {
-            let b = if mask[k] { bare.at(motion.at(grid.middle(k))) } else { [f64::NAN; 3] };
-            [0, 1, 2].map(|c: usize| {
+            let b = if mask[k] { bare.at(motion.at(grid.middle(k))) } else { Rgb::splat(f64::NAN) };
+            Rgb::of(|c| {
                 let t = value[k][c] / factor[c];
                 let variance = noise.of_mean(c, t * b[c], side) + t * t * noise.of_mean(c, b[c], side);
                 let noise = variance.sqrt() / b[c] * factor[c];
@@ -129,8 +129,8 @@ pub(super) fn over_bare(
 }
 
 /// Mean of the finite values where `mask` is set, a channel.
-pub(super) fn mean(map: &[[f64; 3]], mask: &[bool]) -> [f64; 3] {
+pub(super) fn mean(map: &[Rgb], mask: &[bool]) -> Rgb {
     let good = || map.iter().zip(mask).filter(|(v, m)| **m && v.iter().all(|v| v.is_finite())).map(|(v, _)| v);
     let n = good().count().max(1) as f64;
-    [0, 1, 2].map(|c: usize| good().map(|v| v[c]).sum::<f64>() / n)
+    Rgb::of(|c| good().map(|v| v[c]).sum::<f64>() / n)
 }

@@ -3,6 +3,7 @@
 use super::noise::SensorNoise;
 use super::ruler::PictureScale;
 use crate::dome::highlight::Highlight;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_optics::side::Side;
 use std::collections::BTreeMap;
 
@@ -10,19 +11,19 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone)]
 pub struct PhotoSideMaps {
     /// Diffuse reflectance, a channel.
-    pub rho_d: Vec<[f64; 3]>,
+    pub rho_d: Vec<Rgb>,
     /// Its standard error from noise and from the place in the picture.
-    pub rho_d_err: Vec<[f64; 3]>,
+    pub rho_d_err: Vec<Rgb>,
     /// Relative standard error that all texels and channels share: card, light, slopes.
     pub alike: f64,
     /// Standard error that all texels of a channel share: gloss, the sheet, the card's reading.
-    pub shared: [f64; 3],
+    pub shared: Rgb,
     /// Transmittance, a channel: of light that leaves this side along the normal.
-    pub rho_t: Vec<[f64; 3]>,
+    pub rho_t: Vec<Rgb>,
     /// Its standard error from noise and from the place in the picture.
-    pub rho_t_err: Vec<[f64; 3]>,
+    pub rho_t_err: Vec<Rgb>,
     /// Relative standard error of ρt that all texels share.
-    pub rho_t_shared: [f64; 3],
+    pub rho_t_shared: Rgb,
     /// Whether this side faced the camera on the light table; otherwise ρt is what was seen from the other side.
     pub rho_t_seen: bool,
     /// What the surface mirrors, as it was subtracted.

@@ -13,6 +13,7 @@
 use super::encoding::TonalSteps;
 use super::manifest::PhotoManifest;
 use super::picture::LinearPhotograph;
+use mesophyll_base::rgb::Rgb;
 
 /// Pixels between two squares, at least. Converters of sensors with a colour filter mix pixels over up to five.
 const GAP: usize = 6;
@@ -25,13 +26,13 @@ const FEWEST: usize = 40;
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorNoise {
     /// Variance over reading of many pixels, times their number; a channel.
-    pub photon: [f64; 3],
+    pub photon: Rgb,
     /// Standard deviation without light.
     pub read: f64,
     /// Whether it is stated; otherwise it was measured on the card.
     pub stated: bool,
     /// The same as `photon` for squares of so many pixels a side, ascending; empty where noise is stated.
-    measured: Vec<(f64, [f64; 3])>,
+    measured: Vec<(f64, Rgb)>,
     /// The steps of the pictures' numbers, where they have 8 bits.
     steps: Option<TonalSteps>,
 }
@@ -39,7 +40,7 @@ pub struct SensorNoise {
 impl SensorNoise {
     /// Independent noise of every pixel: a reading v has the variance photon · v + read².
     pub fn stated(photon: f64, read: f64) -> SensorNoise {
-        SensorNoise { photon: [photon; 3], read, stated: true, measured: Vec::new(), steps: None }
+        SensorNoise { photon: Rgb::splat(photon), read, stated: true, measured: Vec::new(), steps: None }
     }
 
     /// The stated noise, or what the card shows: pixels of the rectangle left, top, width, height, which lies inside
@@ -50,9 +51,9 @@ impl SensorNoise {
             return SensorNoise { steps: picture.steps.clone(), ..stated };
         }
         let sides = (0..).map(|k| 1usize << k).take_while(|s| 3 * s + 2 * GAP.max(*s) <= card[2].max(card[3]));
-        let measured: Vec<(f64, [f64; 3])> =
+        let measured: Vec<(f64, Rgb)> =
             sides.filter_map(|side| Some((side as f64, of_squares(picture, card, side)?))).collect();
-        let photon = measured.last().map_or([0.0; 3], |m| m.1);
+        let photon = measured.last().map_or(Rgb::default(), |m| m.1);
         SensorNoise { photon, read: 0.0, stated: false, measured, steps: picture.steps.clone() }
     }
 
@@ -81,7 +82,7 @@ impl SensorNoise {
 
 /// The variance of the mean of squares of `side` pixels a side, over the reading, times their number of pixels; `None`
 /// where the card holds too few of them.
-fn of_squares(picture: &LinearPhotograph, [left, top, width, height]: [usize; 4], side: usize) -> Option<[f64; 3]> {
+fn of_squares(picture: &LinearPhotograph, [left, top, width, height]: [usize; 4], side: usize) -> Option<Rgb> {
     let apart = side + GAP.max(side);
     // Squares overlap by half. Single pixels are all looked at, so that each kind of a colour filter's pixels counts.
     let step = (side / 2).max(1);
@@ -115,7 +116,7 @@ fn of_squares(picture: &LinearPhotograph, [left, top, width, height]: [usize; 4]
         }
     }
     let enough = count >= FEWEST && level.iter().all(|l| *l > 0.0);
-    enough.then(|| [0, 1, 2].map(|c: usize| squares[c] / level[c] * (side * side) as f64))
+    enough.then(|| Rgb::of(|c| squares[c] / level[c] * (side * side) as f64))
 }
 
 #[cfg(test)]
@@ -228,7 +229,7 @@ mod tests {
             let d = (0..W * H - 1).filter(|k| k % W != W - 1).map(|k| picture.pixels[k][c] - picture.pixels[k + 1][c]);
             (d.map(|d| 0.5 * f64::from(d).powi(2)).sum::<f64>() / (W * H) as f64).sqrt()
         };
-        let short = [0, 1, 2].map(|c: usize| noise.of_mean(c, LEVEL, 8.0).sqrt() * 8.0 / neighbours(c));
+        let short = Rgb::of(|c| noise.of_mean(c, LEVEL, 8.0).sqrt() * 8.0 / neighbours(c));
         println!("neighbours say too little by {short:?}");
         assert!(short[0] > 3.0 && short[1] > 2.0 && short[2] > 3.0, "{short:?}");
     }

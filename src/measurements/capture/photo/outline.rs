@@ -5,6 +5,8 @@ use super::light::SheetLight;
 use super::picture::LinearPhotograph;
 use crate::lightbox::{mask_from_transmission, pieces};
 use crate::photo::{Error, Result};
+use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::quantile;
 use std::path::Path;
 
@@ -44,15 +46,15 @@ pub(super) fn level(values: impl Iterator<Item = f32>, count: usize, q: f64) -> 
 /// The edge of a piece lies halfway, in ratio, between the sheet and the piece's own median: a white ruler's edge is
 /// not the leaf's.
 pub fn on_sheet(picture: &LinearPhotograph, other: &[usize], most: usize) -> PhotoOutline {
-    let (w, h) = (picture.width, picture.height);
-    let sheet = [0, 1, 2].map(|c: usize| level(picture.pixels.iter().map(|v| v[c]), w * h, 0.2).max(1e-9));
+    let size = picture.size();
+    let sheet = Rgb::of(|c| level(picture.pixels.iter().map(|v| v[c]), size.texels(), 0.2).max(1e-9));
     // A clipped pixel is brighter than the sheet, one without a reading is not known to be.
-    let against = |by: &dyn Fn(usize) -> [f64; 3]| -> Vec<f32> {
+    let against = |by: &dyn Fn(usize) -> Rgb| -> Vec<f32> {
         let contrast = |k: usize| {
             let (v, by) = (picture.pixels[k], by(k));
             (0..3).map(|c| f64::from(v[c]) / by[c]).fold(0.0, f64::max) as f32
         };
-        (0..w * h).map(contrast).collect()
+        (0..size.texels()).map(contrast).collect()
     };
     let over = |contrast: &[f32], threshold: f64| -> Vec<bool> {
         contrast.iter().map(|v| f64::from(*v) > threshold).collect()
@@ -60,11 +62,11 @@ pub fn on_sheet(picture: &LinearPhotograph, other: &[usize], most: usize) -> Pho
     let mut contrast = against(&|_| sheet);
     let light = SheetLight::on_sheet(picture, &over(&contrast, BRIGHTER));
     if light.is_seen() {
-        contrast = against(&|k| light.at([(k % w) as f64 + 0.5, (k / w) as f64 + 0.5]));
+        contrast = against(&|k| light.at(size.middle(k)));
     }
     // Pieces that hold none of the pixels that are not the leaf's.
     let free = |threshold: f64| {
-        let (label, mut sizes) = pieces(&over(&contrast, threshold), w, h);
+        let (label, mut sizes) = pieces(&over(&contrast, threshold), size);
         sizes[0] = 0;
         other.iter().for_each(|&k| sizes[label[k] as usize] = 0);
         (label, sizes)
@@ -79,7 +81,7 @@ pub fn on_sheet(picture: &LinearPhotograph, other: &[usize], most: usize) -> Pho
     }
     let mut lowest = BRIGHTER;
     for piece in order.into_iter().take(PIECES) {
-        let on = || (0..w * h).filter(|&k| label[k] as usize == piece);
+        let on = || (0..size.texels()).filter(|&k| label[k] as usize == piece);
         let median = level(on().map(|k| contrast[k]), sizes[piece], 0.5);
         let threshold = median.sqrt();
         let (own, own_sizes) = free(threshold);
@@ -88,8 +90,8 @@ pub fn on_sheet(picture: &LinearPhotograph, other: &[usize], most: usize) -> Pho
         on().for_each(|k| shared[own[k] as usize] += 1);
         let part = (1..own_sizes.len()).max_by_key(|&p| (shared[p], usize::MAX - p));
         let Some(part) = part.filter(|&p| own_sizes[p] >= SMALLEST) else { continue };
-        let mask = filled(own.iter().map(|l| *l as usize == part).collect(), w, h);
-        if touches_border(&mask, w, h) {
+        let mask = filled(own.iter().map(|l| *l as usize == part).collect(), size);
+        if touches_border(&mask, size) {
             found.at_border = true;
         } else {
             if found.candidates.is_empty() {
@@ -112,14 +114,14 @@ pub fn on_sheet(picture: &LinearPhotograph, other: &[usize], most: usize) -> Pho
 /// # Errors
 /// [`Error::Input`] where nothing is darker than the table, and where the leaf touches the border.
 pub fn on_table(picture: &LinearPhotograph, ratio: &[[f32; 3]]) -> Result<Vec<bool>> {
-    let (w, h) = (picture.width, picture.height);
-    let (label, sizes) = pieces(&mask_from_transmission(ratio, w, h), w, h);
+    let size = picture.size();
+    let (label, sizes) = pieces(&mask_from_transmission(ratio, size), size);
     let largest = (1..sizes.len()).max_by_key(|&p| (sizes[p], usize::MAX - p)).filter(|&p| sizes[p] >= SMALLEST);
     let Some(largest) = largest else {
         return Err(Error::input(&picture.path, "no leaf is seen: nothing is darker than the bare light table"));
     };
     let mask: Vec<bool> = label.iter().map(|l| *l as usize == largest).collect();
-    if touches_border(&mask, w, h) { Err(border(&picture.path)) } else { Ok(mask) }
+    if touches_border(&mask, size) { Err(border(&picture.path)) } else { Ok(mask) }
 }
 
 /// The refusal of a picture whose leaf is not wholly inside.
@@ -131,14 +133,15 @@ pub(super) fn border(path: &Path) -> Error {
     )
 }
 
-pub(super) fn touches_border(mask: &[bool], w: usize, h: usize) -> bool {
+pub(super) fn touches_border(mask: &[bool], ImageSize { width: w, height: h }: ImageSize) -> bool {
     (0..w).any(|i| mask[i] || mask[(h - 1) * w + i]) || (0..h).any(|j| mask[j * w] || mask[j * w + w - 1])
 }
 
 /// The mask without its holes: pieces of the outside that do not reach the border.
-pub(super) fn filled(mask: Vec<bool>, w: usize, h: usize) -> Vec<bool> {
+pub(super) fn filled(mask: Vec<bool>, size: ImageSize) -> Vec<bool> {
+    let ImageSize { width: w, height: h } = size;
     let outside: Vec<bool> = mask.iter().map(|m| !m).collect();
-    let (label, sizes) = pieces(&outside, w, h);
+    let (label, sizes) = pieces(&outside, size);
     let mut open = vec![false; sizes.len()];
     for k in (0..w).flat_map(|i| [i, (h - 1) * w + i]).chain((0..h).flat_map(|j| [j * w, j * w + w - 1])) {
         open[label[k] as usize] = true;
@@ -147,7 +150,7 @@ pub(super) fn filled(mask: Vec<bool>, w: usize, h: usize) -> Vec<bool> {
 }
 
 /// Pixels that are set or have a set pixel within `reach` in the same row or, after that, in the same column.
-pub fn widened(mask: &[bool], w: usize, h: usize, reach: usize) -> Vec<bool> {
+pub fn widened(mask: &[bool], ImageSize { width: w, height: h }: ImageSize, reach: usize) -> Vec<bool> {
     let pass = |from: &[bool], n: usize, step: usize, start: usize, out: &mut [bool]| {
         let mut until = 0usize; // one past the last place that a set pixel before it covers
         for p in 0..n {
@@ -177,12 +180,12 @@ mod tests {
 
     #[test]
     fn a_square_is_widened_and_its_hole_is_filled() {
-        let (w, h) = (12, 9);
-        let at = |i: usize, j: usize| (4..7).contains(&i) && (3..6).contains(&j);
-        let ring: Vec<bool> = (0..w * h).map(|k| at(k % w, k / w) && (k % w, k / w) != (5, 4)).collect();
-        let full = filled(ring, w, h);
-        assert!((0..w * h).all(|k| full[k] == at(k % w, k / w)));
-        let wide = widened(&full, w, h, 2);
-        assert!((0..w * h).all(|k| wide[k] == ((2..9).contains(&(k % w)) && (1..8).contains(&(k / w)))));
+        let size = ImageSize::new(12, 9);
+        let places = || (0..size.texels()).map(|k| size.position(k));
+        let at = |[i, j]: [usize; 2]| (4..7).contains(&i) && (3..6).contains(&j);
+        let full = filled(places().map(|p| at(p) && p != [5, 4]).collect(), size);
+        assert!(full.iter().zip(places()).all(|(full, p)| *full == at(p)));
+        let wide = widened(&full, size, 2);
+        assert!(wide.iter().zip(places()).all(|(on, [i, j])| *on == ((2..9).contains(&i) && (1..8).contains(&j))));
     }
 }

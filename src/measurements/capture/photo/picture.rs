@@ -3,6 +3,8 @@
 use super::encoding::{self, TonalSteps};
 use super::manifest::PhotoManifest;
 use crate::photo::{Error, Result};
+use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::memory;
 use mesophyll_files::picture::{self, PictureRequest, RGB};
 use std::path::{Path, PathBuf};
@@ -31,6 +33,11 @@ pub struct LinearPhotograph {
 }
 
 impl LinearPhotograph {
+    /// Columns and rows.
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
+    }
+
     /// Reads an EXR or a Radiance file, a PNG or a TIFF file with 16 bits a channel, or one of these or a JPEG with
     /// 8 bits and a known curve.
     ///
@@ -82,19 +89,18 @@ impl LinearPhotograph {
 
     /// The value at a place between pixels (pixel (i, j) has its centre at (i + ½, j + ½)), weighted linearly. NaN
     /// outside and beside pixels without a reading, +∞ beside clipped ones.
-    pub fn at(&self, [x, y]: [f64; 2]) -> [f64; 3] {
+    pub fn at(&self, [x, y]: [f64; 2]) -> Rgb {
         let (x, y) = (x - 0.5, y - 0.5);
         if !(x >= 0.0 && y >= 0.0 && x <= (self.width - 1) as f64 && y <= (self.height - 1) as f64) {
-            return [f64::NAN; 3];
+            return Rgb::splat(f64::NAN);
         }
         let (i, j) = ((x as usize).min(self.width.max(2) - 2), (y as usize).min(self.height.max(2) - 2));
         let (u, v) = (x - i as f64, y - j as f64);
-        let mut sum = [0.0; 3];
+        let mut sum = Rgb::splat(0.0);
         for (di, dj, w) in [(0, 0, (1.0 - u) * (1.0 - v)), (1, 0, u * (1.0 - v)), (0, 1, (1.0 - u) * v), (1, 1, u * v)]
         {
             if w > 1e-9 {
-                let pixel = self.pixels[(j + dj) * self.width + i + di];
-                (0..3).for_each(|c| sum[c] += w * f64::from(pixel[c]));
+                sum += w * Rgb(self.pixels[(j + dj) * self.width + i + di]).map(f64::from);
             }
         }
         sum

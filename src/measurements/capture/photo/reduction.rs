@@ -24,6 +24,7 @@ use super::silhouette;
 use super::texture::{Chosen, choose};
 use super::views::{OTHER_WAY, OVERLAP, PhotoFront, Views, judge, mismatch};
 use crate::photo::Result;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::median_of;
 use mesophyll_optics::defect::{Defect, GOOD};
 use mesophyll_optics::side::{Side, mirror};
@@ -128,7 +129,7 @@ pub fn reduce(folder: &Path, m: &PhotoManifest) -> Result<PhotoMaps> {
     let apart = views.each().map(|v| v.found.found.apart_px).fold(back_match.apart_px, f64::max);
     let outside: Vec<bool> = mask.iter().map(|m| !m).collect();
     let reach = ((1.5 + 2.0 * apart) / grid.step as f64).ceil() as usize;
-    let edge = widened(&outside, grid.width, grid.height, reach);
+    let edge = widened(&outside, grid.size(), reach);
     let inner: Vec<bool> = mask.iter().zip(&edge).map(|(m, e)| *m && !e).collect();
     // A leaf that is all edge has no good texel, but its figures are still told.
     let inner = if inner.contains(&true) { inner } else { mask.clone() };
@@ -193,16 +194,16 @@ fn behind(m: &PhotoManifest, lit: &[Lit; 2], views: &Views, inner: &[bool]) -> (
     });
     // The bound on gloss is what a side shows without what the sheet adds, and that depends on the gloss in turn, by a
     // share of a share. So it is taken twice.
-    let glosses = |by_sheet: [[f64; 3]; 2]| {
+    let glosses = |by_sheet: [Rgb; 2]| {
         [0, 1].map(|s: usize| {
-            let own = lit[s].value.iter().map(|v| [0, 1, 2].map(|c: usize| v[c] - by_sheet[s][c]));
+            let own = lit[s].value.iter().map(|v| *v - by_sheet[s]);
             gloss(m, sides[s], &own.collect::<Vec<_>>(), &lit[s].noise, inner)
         })
     };
-    let first = glosses([[0.0; 3]; 2]);
+    let first = glosses([Rgb::default(); 2]);
     let light = returned(m, seen, [&first[0], &first[1]]);
-    let rho_t = |s: usize, c: usize| seen[s].table[c] / (1.0 + light[s].table[c]);
-    let gloss = glosses([0, 1].map(|s: usize| [0, 1, 2].map(|c: usize| light[s].sheet[c] * rho_t(s, c).powi(2))));
+    let rho_t = |s: usize| seen[s].table / (1.0 + light[s].table);
+    let gloss = glosses([0, 1].map(|s: usize| light[s].sheet * rho_t(s).map(|t| t.powi(2))));
     let light = returned(m, seen, [&gloss[0], &gloss[1]]);
     (gloss, light)
 }
@@ -229,34 +230,31 @@ fn finished(
     gloss: &Gloss,
     light: &Returned,
 ) -> PhotoSideMaps {
-    let share = light.table.map(|b| 1.0 / (1.0 + b));
-    let scaled =
-        |map: &[[f64; 3]]| -> Vec<[f64; 3]> { map.iter().map(|v| [0, 1, 2].map(|c: usize| v[c] * share[c])).collect() };
+    let share = 1.0 / (1.0 + light.table);
+    let scaled = |map: &[Rgb]| -> Vec<Rgb> { map.iter().map(|v| *v * share).collect() };
     // Gloss differs from place to place by about as much as models of the lobe do.
     lit.error.iter_mut().flatten().for_each(|e| *e = e.hypot(LOBE * gloss.normal.share));
     let (mut rho_t, mut rho_t_err) = (scaled(&view.value), scaled(&view.error));
     let other_way = if own { [0.0; 2] } else { OTHER_WAY };
     for (e, t) in rho_t_err.iter_mut().zip(&rho_t) {
-        (0..3).for_each(|c| e[c] = e[c].hypot(other_way[0] * t[c]));
+        *e = e.zip(*t, |e, t| e.hypot(other_way[0] * t));
     }
-    let rho_t_shared = [0, 1, 2].map(|c: usize| view.shared[c].hypot(light.table_err[c]).hypot(other_way[1]));
+    let rho_t_shared = view.shared.zip(light.table_err, |own, table| own.hypot(table).hypot(other_way[1]));
     let normal = gloss.normal;
     let t2 = mean(&rho_t, mask).map(|t| t * t);
     let level = mean(&lit.value, mask);
     let sheet = m.background;
-    let shared = [0, 1, 2].map(|c: usize| {
+    let shared = Rgb::of(|c| {
         let relative = (sheet.reflectance_err / sheet.reflectance.max(1e-9)).hypot(BEHIND);
         let back = light.sheet[c] * t2[c] * if sheet.reflectance > 0.0 { relative } else { 0.0 };
         normal.stderr.hypot(back).hypot(lit.card_reading[c] * level[c])
     });
     for map in [&mut lit.value, &mut lit.error, &mut rho_t, &mut rho_t_err] {
-        map.iter_mut().zip(mask).filter(|(_, on)| !**on).for_each(|(v, _)| *v = [f64::NAN; 3]);
+        map.iter_mut().zip(mask).filter(|(_, on)| !**on).for_each(|(v, _)| *v = Rgb::splat(f64::NAN));
     }
     let mut status = vec![0i16; mask.len()];
     for k in (0..mask.len()).filter(|&k| mask[k]) {
-        for c in 0..3 {
-            lit.value[k][c] -= normal.share + light.sheet[c] * rho_t[k][c] * rho_t[k][c];
-        }
+        lit.value[k] -= normal.share + light.sheet * rho_t[k] * rho_t[k];
         let (d, t) = (lit.value[k], rho_t[k]);
         let any = |f: &dyn Fn(usize) -> bool| (0..3).any(f);
         let defect = if edge[k] {
@@ -275,7 +273,7 @@ fn finished(
         status[k] = defect.map_or(GOOD, Defect::code);
     }
     let median =
-        |of: &[[f64; 3]]| median_of((0..mask.len()).filter(|&k| status[k] == 1).map(|k| of[k][1])).unwrap_or(f64::NAN);
+        |of: &[Rgb]| median_of((0..mask.len()).filter(|&k| status[k] == 1).map(|k| of[k][1])).unwrap_or(f64::NAN);
     let mut figures = lit.figures;
     figures.extend([
         ("rho_d_err_texel", median(&lit.error)),
@@ -344,13 +342,13 @@ mod tests {
     #[test]
     fn energy_is_judged_by_the_errors_of_what_entered() {
         let side = |rho_d: f64, rho_d_err: f64, rho_t: f64| PhotoSideMaps {
-            rho_d: vec![[rho_d; 3]],
-            rho_d_err: vec![[rho_d_err; 3]],
+            rho_d: vec![Rgb::splat(rho_d)],
+            rho_d_err: vec![Rgb::splat(rho_d_err)],
             alike: 0.0,
-            shared: [0.0; 3],
-            rho_t: vec![[rho_t; 3]],
-            rho_t_err: vec![[0.01; 3]],
-            rho_t_shared: [0.0; 3],
+            shared: Rgb::default(),
+            rho_t: vec![Rgb::splat(rho_t)],
+            rho_t_err: vec![Rgb::splat(0.01)],
+            rho_t_shared: Rgb::default(),
             rho_t_seen: true,
             gloss: crate::dome::highlight::Highlight { share: 0.0, stderr: 0.0, at_most: 1.0, stated: true },
             status: vec![1],

@@ -5,6 +5,7 @@
 //! turns; Gauss–Newton steps then minimise the sum of squared differences (Lucas & Kanade 1981), first on coarse and
 //! then on fine blocks.
 
+use mesophyll_base::image::{Image, ImageSize};
 use nalgebra::{SMatrix, SVector};
 
 /// Blocks along the longer side of the leaf, and around it: coarse and fine. Coarse steps begin far from the match, and
@@ -142,19 +143,17 @@ struct Cover {
     block: usize,
     /// The first block's place.
     origin: [i64; 2],
-    width: usize,
-    height: usize,
-    values: Vec<f64>,
+    values: Image<f64>,
     area: f64,
     centre: [f64; 2],
 }
 
 impl Cover {
     fn of(mask: BinaryMask, (blocks, pad): (usize, usize)) -> Option<Cover> {
-        let w = mask.width;
-        let on = || mask.inside.iter().enumerate().filter(|(_, m)| **m).map(|(k, _)| (k % w, k / w));
+        let size = ImageSize::new(mask.width, mask.inside.len() / mask.width.max(1));
+        let on = || mask.inside.iter().enumerate().filter(|(_, m)| **m).map(|(k, _)| size.position(k));
         let [mut left, mut top, mut right, mut bottom] = [usize::MAX, usize::MAX, 0, 0];
-        for (i, j) in on() {
+        for [i, j] in on() {
             (left, top, right, bottom) = (left.min(i), top.min(j), right.max(i), bottom.max(j));
         }
         if left > right {
@@ -163,14 +162,14 @@ impl Cover {
         let block = ((right - left).max(bottom - top) / blocks).max(1);
         let origin = [left, top].map(|v| (v / block) as i64 - pad as i64);
         let [width, height] = [(left, right), (top, bottom)].map(|(a, b)| b / block - a / block + 1 + 2 * pad);
-        let mut values = vec![0.0; width * height];
+        let mut values = Image::of(ImageSize::new(width, height), |_| 0.0);
         let each = 1.0 / (block * block) as f64;
-        on().for_each(|(i, j)| {
+        on().for_each(|[i, j]| {
             let [i, j] = [(i / block, 0), (j / block, 1)].map(|(v, a)| (v as i64 - origin[a]) as usize);
             values[j * width + i] += each;
         });
-        let area: f64 = values.iter().sum();
-        let mut cover = Cover { block, origin, width, height, values, area, centre: [0.0; 2] };
+        let area: f64 = values.pixels.iter().sum();
+        let mut cover = Cover { block, origin, values, area, centre: [0.0; 2] };
         let mut centre = [0.0; 2];
         for (k, p) in cover.places() {
             (0..2).for_each(|a| centre[a] += cover.values[k] * p[a] / area);
@@ -182,24 +181,26 @@ impl Cover {
 
     /// Averages each block with its eight neighbours.
     fn smooth(&mut self) {
-        let (w, h) = (self.width as i64, self.height as i64);
-        let at = |values: &[f64], i: i64, j: i64| {
-            if (0..w).contains(&i) && (0..h).contains(&j) { values[(j * w + i) as usize] } else { 0.0 }
+        let size = self.values.size;
+        let three = |values: &Image<f64>, k: usize, along: [i64; 2]| -> f64 {
+            let [i, j] = size.position(k).map(|v| v as i64);
+            (-1..2).map(|d| values.get([i + d * along[0], j + d * along[1]]).copied().unwrap_or(0.0)).sum()
         };
-        let rows: Vec<f64> = (0..w * h).map(|k| (-1..2).map(|d| at(&self.values, k % w + d, k / w)).sum()).collect();
-        self.values = (0..w * h).map(|k| (-1..2).map(|d| at(&rows, k % w, k / w + d)).sum::<f64>() / 9.0).collect();
+        let rows = Image::of(size, |k| three(&self.values, k, [1, 0]));
+        self.values = Image::of(size, |k| three(&rows, k, [0, 1]) / 9.0);
     }
 
     /// The value and its slopes between blocks' centres; 0 outside.
     fn at(&self, [x, y]: [f64; 2]) -> (f64, [f64; 2]) {
         let (x, y) = (x - self.origin[0] as f64 - 0.5, y - self.origin[1] as f64 - 0.5);
-        if !(x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (self.height - 1) as f64) {
+        let ImageSize { width, height } = self.values.size;
+        if !(x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64) {
             return (0.0, [0.0; 2]);
         }
         let (i, j) = (x as usize, y as usize);
         let (u, v) = (x - i as f64, y - j as f64);
-        let k = j * self.width + i;
-        let [a, b, c, d] = [k, k + 1, k + self.width, k + self.width + 1].map(|k| self.values[k]);
+        let k = j * width + i;
+        let [a, b, c, d] = [k, k + 1, k + width, k + width + 1].map(|k| self.values[k]);
         let value = (a * (1.0 - u) + b * u) * (1.0 - v) + (c * (1.0 - u) + d * u) * v;
         (value, [(b - a) * (1.0 - v) + (d - c) * v, (c - a) * (1.0 - u) + (d - b) * u])
     }
@@ -207,7 +208,10 @@ impl Cover {
     /// Blocks on or near the leaf, with their places.
     fn places(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
         let [x, y] = self.origin.map(|v| v as f64 + 0.5);
-        (0..self.values.len()).map(move |k| (k, [(k % self.width) as f64 + x, (k / self.width) as f64 + y]))
+        let size = self.values.size;
+        (0..size.texels())
+            .map(move |k| (k, size.position(k).map(|v| v as f64)))
+            .map(move |(k, [i, j])| (k, [i + x, j + y]))
     }
 
     /// Gauss–Newton steps from `motion`; the motion and the sum of squares where they end.
@@ -268,8 +272,8 @@ mod tests {
             r < 60.0 + 14.0 * a.cos() + 9.0 * (2.0 * a + 0.7).sin() + 5.0 * (5.0 * a).cos()
         };
         let (w, h) = (240, 200);
-        let first: Vec<bool> =
-            (0..w * h).map(|k| shape((k % w) as f64 + 0.5 - 118.0, (k / w) as f64 + 0.5 - 97.0)).collect();
+        let middle = |k| ImageSize::new(w, h).middle(k);
+        let first: Vec<bool> = (0..w * h).map(|k| shape(middle(k)[0] - 118.0, middle(k)[1] - 97.0)).collect();
         for (mirrored, angle) in [(true, 0.3), (false, 2.5)] {
             let (sin, cos) = f64::sin_cos(angle);
             // The place in the first picture of a place in the second, which is 1.2 times as large.
@@ -317,7 +321,7 @@ mod tests {
         let second = drawn(200, 160, 100.5, 80.5);
         let [a, b] = [BinaryMask { inside: &first, width: w }, BinaryMask { inside: &second, width: 200 }];
         let cover = Cover::of(a, BLOCKS[1]).unwrap();
-        assert!(cover.values.len() < 500 * 500, "{}", cover.values.len());
+        assert!(cover.values.size.texels() < 500 * 500, "{:?}", cover.values.size);
         let found = register(a, b, false).unwrap().best;
         let q = found.motion.at([4030.5, 3090.5]);
         assert!((q[0] - 110.5).hypot(q[1] - 70.5) < 0.1 && found.overlap > 0.99, "{q:?} {found:?}");

@@ -93,6 +93,7 @@ pub fn scale(picture: &LinearPhotograph, ruler: &Ruler) -> PictureScale {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mesophyll_base::image::ImageSize;
 
     /// Ticks 7.31 pixels apart along a slanted line, under noise. The marks are clicked up to a pixel and a half off;
     /// the ticks give the scale to the printed accuracy. Without ticks the marks give it, at their own error.
@@ -105,7 +106,7 @@ mod tests {
             let pixel = |k: usize| {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
                 let noise = 0.1 * ((state >> 40) as f64 / (1u64 << 24) as f64 - 0.5);
-                let [x, y] = [(k % width) as f64 + 0.5, (k / width) as f64 + 0.5];
+                let [x, y] = ImageSize::new(width, height).middle(k);
                 let phase = (x * along[0] + y * along[1]) / 7.31;
                 let dark = if ticks && phase - phase.floor() < 0.3 { 0.5 } else { 0.0 };
                 [(0.8 - dark + noise) as f32; 3]

@@ -7,6 +7,7 @@ use super::noise::SensorNoise;
 use super::picture::LinearPhotograph;
 use super::registration::{OutlineMatch, SimilarityTransform};
 use crate::photo::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -22,15 +23,15 @@ const CELLS: usize = 4;
 /// A side in open shade, before anything is subtracted.
 pub(super) struct Lit {
     /// Reflectance with gloss, a channel of each texel.
-    pub value: Vec<[f64; 3]>,
+    pub value: Vec<Rgb>,
     /// Its standard error from noise and from the place in the picture.
-    pub error: Vec<[f64; 3]>,
+    pub error: Vec<Rgb>,
     /// The part of that which is noise.
-    pub noise: Vec<[f64; 3]>,
+    pub noise: Vec<Rgb>,
     /// Relative standard error of card and light.
     pub alike: f64,
     /// Relative standard error of the card's reading, a channel.
-    pub card_reading: [f64; 3],
+    pub card_reading: Rgb,
     /// What was found on the way, by name.
     pub figures: BTreeMap<&'static str, f64>,
 }
@@ -79,8 +80,7 @@ pub(super) struct ShadedSide<'a> {
 pub(super) fn lit(folder: &Path, m: &PhotoManifest, side: ShadedSide, grid: &Grid, mask: &[bool]) -> Result<Lit> {
     let ShadedSide { name, picture, card, bright, found, noise } = side;
     let light = SheetLight::on_sheet(picture, bright);
-    let w = picture.width;
-    let middle = |k: usize| [(k % w) as f64 + 0.5, (k / w) as f64 + 0.5];
+    let middle = |k: usize| picture.size().middle(k);
     let shade = if name == "front" { &m.front } else { &m.back };
     let Card { level, grain, reading_err } = read_card(picture, shade.card, card, &light);
     let on_card = light.at(middle(card[card.len() / 2]));
@@ -106,19 +106,18 @@ pub(super) fn lit(folder: &Path, m: &PhotoManifest, side: ShadedSide, grid: &Gri
         return Err(PhotoManifest::wrong(folder, &format!("{name}.card"), found, expected));
     }
     let motion = found.map_or(SimilarityTransform::NONE, |f| f.motion);
-    let factor = level.map(|l| m.card.reflectance / l);
+    let factor = m.card.reflectance / level;
     let size = motion.scale();
     let value = grid.mean(mask, size, |p| {
         let at = motion.at(p);
-        let (v, by) = (picture.at(at), light.at(at));
-        [0, 1, 2].map(|c: usize| v[c] / by[c] * factor[c])
+        picture.at(at) / light.at(at) * factor
     });
     // Texels of the front are whole pixels.
     let side = if found.is_some() { grid.read(size) } else { grid.step as f64 };
-    let noise: Vec<[f64; 3]> = (0..value.len())
+    let noise: Vec<Rgb> = (0..value.len())
         .map(|k| {
             let by = light.at(motion.at(grid.middle(k)));
-            [0, 1, 2].map(|c: usize| {
+            Rgb::of(|c| {
                 let unit = factor[c] / by[c];
                 noise.of_mean(c, value[k][c] / unit, side).sqrt() * unit
             })
@@ -127,7 +126,7 @@ pub(super) fn lit(folder: &Path, m: &PhotoManifest, side: ShadedSide, grid: &Gri
     let apart = found.map_or(0.0, |f| f.apart_px) / grid.step as f64;
     let error = (0..value.len())
         .map(|k| {
-            [0, 1, 2].map(|c: usize| {
+            Rgb::of(|c| {
                 let blur = if found.is_some() { grid.blur(&value, k, c, size) } else { 0.0 };
                 noise[k][c].hypot(apart * grid.slope(&value, k, c)).hypot(blur)
             })
@@ -155,9 +154,9 @@ pub(super) fn lit(folder: &Path, m: &PhotoManifest, side: ShadedSide, grid: &Gri
 /// What the card shows, a channel: its level over the light, the standard deviation of a pixel, and the relative
 /// standard error of the level.
 struct Card {
-    level: [f64; 3],
-    grain: [f64; 3],
-    reading_err: [f64; 3],
+    level: Rgb,
+    grain: Rgb,
+    reading_err: Rgb,
 }
 
 fn read_card(
@@ -166,12 +165,10 @@ fn read_card(
     card: &[usize],
     light: &SheetLight,
 ) -> Card {
-    let w = picture.width;
     let mut cells = [[[0.0; 2]; CELLS * CELLS]; 3];
     let mut squares = [0.0; 3];
     for &k in card {
-        let (i, j) = (k % w, k / w);
-        let by = light.at([i as f64 + 0.5, j as f64 + 0.5]);
+        let ([i, j], by) = (picture.size().position(k), light.at(picture.size().middle(k)));
         let cell = (j - top) * CELLS / height * CELLS + (i - left) * CELLS / width;
         for c in 0..3 {
             let v = f64::from(picture.pixels[k][c]) / by[c];
@@ -180,10 +177,10 @@ fn read_card(
         }
     }
     let n = card.len() as f64;
-    let level = cells.map(|of| of.iter().map(|s| s[0]).sum::<f64>() / n);
-    let grain = [0, 1, 2].map(|c: usize| (squares[c] / n - level[c].powi(2)).max(0.0).sqrt());
+    let level = Rgb(cells).map(|of| of.iter().map(|s| s[0]).sum::<f64>() / n);
+    let grain = Rgb::of(|c: usize| (squares[c] / n - level[c].powi(2)).max(0.0).sqrt());
     let count = (CELLS * CELLS) as f64;
-    let reading_err = [0, 1, 2].map(|c: usize| {
+    let reading_err = Rgb::of(|c| {
         let off = cells[c].iter().map(|s| (s[0] / s[1] / level[c] - 1.0).powi(2)).sum::<f64>();
         (off / (count - 1.0) / count).sqrt()
     });

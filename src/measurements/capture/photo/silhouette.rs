@@ -11,6 +11,8 @@ use super::registration::{BinaryMask, OutlineMatch, register};
 use super::views::{judge, mismatch};
 use crate::lightbox::pieces;
 use crate::photo::{Error, Result};
+use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_optics::side::Side;
 use std::path::Path;
 
@@ -49,11 +51,12 @@ pub(super) fn is_poor(on_sheet: &PhotoOutline) -> bool {
 /// # Errors
 /// [`Error::Input`] where nothing differs from the sheet beyond the noise.
 pub(super) fn on_dark_sheet(picture: &LinearPhotograph, other: &[usize]) -> Result<PhotoOutline> {
-    let (w, h) = (picture.width, picture.height);
+    let size = picture.size();
+    let ImageSize { width: w, height: h } = size;
     let mut bright = bright_at_least(picture);
     other.iter().for_each(|&k| bright[k] = true);
     let frame = (w.max(h) as f64 * FRAME) as usize;
-    let inner = |k: usize| [(k % w, w), (k / w, h)].iter().all(|(at, n)| *at >= frame && *at + frame < *n);
+    let inner = |k: usize| size.position(k).iter().zip([w, h]).all(|(at, n)| *at >= frame && *at + frame < n);
     let mut off: Vec<bool> = (0..w * h).map(|k| bright[k] || inner(k)).collect();
     let mut found = PhotoOutline { candidates: Vec::new(), bright: Vec::new(), at_border: false, contrast: f64::NAN };
     // What is taken for the sheet is first the border, then all but the leaf that was found by it.
@@ -64,7 +67,7 @@ pub(super) fn on_dark_sheet(picture: &LinearPhotograph, other: &[usize]) -> Resu
         let noise = level(on_sheet, w * h, 0.2) / FIFTH;
         let beyond = |by: f64| -> Vec<bool> { (0..w * h).map(|k| bright[k] || f64::from(apart[k]) > by).collect() };
         let pieces_of = |by: f64| {
-            let (label, mut sizes) = pieces(&beyond(by), w, h);
+            let (label, mut sizes) = pieces(&beyond(by), size);
             let mut shining = vec![0; sizes.len()];
             (0..w * h).filter(|&k| bright[k]).for_each(|k| shining[label[k] as usize] += 1);
             // What is mostly bright, as a ruler, is no dark leaf.
@@ -87,15 +90,15 @@ pub(super) fn on_dark_sheet(picture: &LinearPhotograph, other: &[usize]) -> Resu
         order.sort_unstable_by_key(|&p| (usize::MAX - sizes[p], p));
         found.candidates.clear();
         for piece in order.into_iter().take(PIECES) {
-            let mask = filled(label.iter().map(|l| *l as usize == piece).collect(), w, h);
-            if touches_border(&mask, w, h) {
+            let mask = filled(label.iter().map(|l| *l as usize == piece).collect(), size);
+            if touches_border(&mask, size) {
                 found.at_border = true;
             } else {
                 found.candidates.push(mask);
             }
         }
         found.bright = beyond(BEYOND * noise);
-        off = widened(&found.bright, w, h, side_of(w, h));
+        off = widened(&found.bright, size, side_of(w, h));
     }
     if found.candidates.is_empty() && found.at_border {
         return Err(border(&picture.path));
@@ -111,7 +114,7 @@ pub(super) fn on_dark_sheet(picture: &LinearPhotograph, other: &[usize]) -> Resu
 /// Pixels that are at least twice as bright as the first quintile: card, ruler, and whatever else is no dark leaf.
 fn bright_at_least(picture: &LinearPhotograph) -> Vec<bool> {
     let n = picture.pixels.len();
-    let sheet = [0, 1, 2].map(|c: usize| level(picture.pixels.iter().map(|v| v[c]), n, 0.2).max(1e-9));
+    let sheet = Rgb::of(|c| level(picture.pixels.iter().map(|v| v[c]), n, 0.2).max(1e-9));
     picture.pixels.iter().map(|v| (0..3).any(|c| f64::from(v[c]) > CLEAR * sheet[c])).collect()
 }
 
@@ -140,7 +143,8 @@ fn apart(picture: &LinearPhotograph, light: &SheetLight) -> Vec<f32> {
     }
     let square = |k: usize| {
         let range = |at: usize, n: usize| (at.saturating_sub(reach), (at + reach + 1).min(n));
-        let ((left, right), (top, bottom)) = (range(k % w, w), range(k / w, h));
+        let [i, j] = picture.size().position(k);
+        let ((left, right), (top, bottom)) = (range(i, w), range(j, h));
         let at = |i: usize, j: usize| sums[j * (w + 1) + i];
         let [a, b, c, d] = [at(right, bottom), at(left, bottom), at(right, top), at(left, top)];
         let n = ((right - left) * (bottom - top)) as f64;
@@ -189,10 +193,9 @@ pub(super) fn by_table(
     };
     let way = format!("the {} up, as light_table.up says", m.light_table.up.name());
     judge(path, BinaryMask { inside: place, width: picture.width }, silhouette, &found, mirrored, &way)?;
-    let (w, h) = (picture.width, picture.height);
-    let middle = |k: usize| [(k % w) as f64 + 0.5, (k / w) as f64 + 0.5];
-    let mask: Vec<bool> = (0..w * h).map(|k| silhouette.holds(found.motion.at(middle(k)))).collect();
-    if touches_border(&mask, w, h) {
+    let size = picture.size();
+    let mask = (0..size.texels()).map(|k| silhouette.holds(found.motion.at(size.middle(k)))).collect::<Vec<bool>>();
+    if touches_border(&mask, size) {
         return Err(border(path));
     }
     let bright = rough.bright.iter().zip(&mask).map(|(b, on)| *b || *on).collect();

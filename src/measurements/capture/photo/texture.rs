@@ -5,6 +5,7 @@
 use super::grid::Grid;
 use super::picture::LinearPhotograph;
 use super::registration::{OutlineMatch, OutlineMatches, SimilarityTransform};
+use mesophyll_base::rgb::Rgb;
 
 /// Turns whose outlines overlap by no less than this from the best one are compared by texture.
 const ALIKE: f64 = 0.03;
@@ -28,7 +29,7 @@ pub(super) struct Chosen {
 pub(super) fn choose(
     grid: &Grid,
     mask: &[bool],
-    seen: &[[f64; 3]],
+    seen: &[Rgb],
     picture: &LinearPhotograph,
     matches: OutlineMatches,
 ) -> Chosen {
@@ -61,7 +62,7 @@ fn texture(grid: &Grid, mask: &[bool], map: &[f64]) -> Vec<f64> {
     let n = ((2 * REACH + 1) * (2 * REACH + 1)) as f64;
     (0..w * h)
         .map(|k| {
-            let (i, j) = (k % w, k / w);
+            let [i, j] = grid.size().position(k);
             if i < REACH || j < REACH || i + REACH >= w || j + REACH >= h {
                 return f64::NAN;
             }

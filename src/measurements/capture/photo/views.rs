@@ -8,6 +8,7 @@ use super::picture::LinearPhotograph;
 use super::registration::{BinaryMask, OutlineMatch, register};
 use super::texture::choose;
 use crate::photo::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_optics::side::Side;
 use std::path::Path;
 
@@ -28,7 +29,7 @@ pub(super) struct Views {
 pub(super) struct PhotoFront<'a> {
     pub outline: BinaryMask<'a>,
     /// What its texels show.
-    pub value: &'a [[f64; 3]],
+    pub value: &'a [Rgb],
     /// By at least this (pixels of the front's picture) a view may lie askew, whatever its outline says.
     pub least_apart_px: f64,
 }
