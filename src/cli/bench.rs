@@ -13,15 +13,16 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  mesophyll bench -o out/bench                    every model, tables and plots
+  mesophyll bench                                 what there is
+  mesophyll bench all -o out/bench                every model, tables and plots
   mesophyll bench translucency -o out/bench       about a minute on two idle cores; also translucency-basis.svg
   mesophyll bench sky --json                      rows for a program
 
 A terminal shows how far it is and the time left. Ctrl-C stops before anything is printed or written.")]
 pub struct Args {
-    /// Which models to sweep (default: all)
+    /// Which models to sweep: names, or all (default: say what there is)
     #[arg(value_name = "MODEL",
-        value_parser = PossibleValuesParser::new(models::with(|m| m.bench).map(|(name, _)| name)))]
+        value_parser = PossibleValuesParser::new(models::names(|m| m.bench)))]
     models: Vec<String>,
     /// Write bench.json, one plot for each model, and the documentation's pictures of these models into this folder
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
@@ -34,6 +35,12 @@ pub struct Args {
 /// Runs the sweeps. A stop between two steps leaves nothing behind. Times are only for ratios within one run: nothing
 /// is asserted about them.
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    if args.models.is_empty() {
+        return match &args.output {
+            None => models::list("bench", |m| m.bench, common),
+            Some(folder) => Err(Error::argument("-o", folder.display(), "the names of models before it, or all")),
+        };
+    }
     let wanted = models::asked(&args.models, |m| m.bench);
     if cfg!(debug_assertions) {
         progress::say(

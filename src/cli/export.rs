@@ -199,7 +199,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
     let options = SkyExportOptions { fixed, ground: args.ground };
     let done: ExportResult = destination::file(&args.output, |path| match times {
-        _ if format == ExportFormat::Web => web(args, scene, path),
+        _ if format == ExportFormat::Web => web(args, path),
         Some([from, last]) => moving(&args.folder, from, last, args.step, path).map(Into::into),
         None if scene && format == ExportFormat::Pivots => pivots(&args.folder, path).map(Into::into),
         None if scene && format.holds_scenes() => whole(args, format, path),
@@ -272,14 +272,14 @@ fn whole(args: &Args, format: ExportFormat, path: &Path) -> Result<ExportResult>
 
 /// A scene, or a leaf in a scene around it, for the viewer in a browser.
 #[cfg(feature = "render")]
-fn web(args: &Args, is_scene: bool, path: &Path) -> Result<ExportResult> {
+fn web(args: &Args, path: &Path) -> Result<ExportResult> {
     use mesophyll_files::atomic;
     use mesophyll_scene::web;
 
     if args.time.is_some() || args.from.is_some() {
         return Err(Error::Usage("--to web: the plants stand as in the first view; expected no time".into()));
     }
-    let manifest = if is_scene { SceneManifest::read(&args.folder)? } else { web::around(&args.folder)? };
+    let manifest = SceneManifest::of(&args.folder)?;
     let ledger = Ledger::new();
     let run = run_of(args, &manifest);
     let out = args.run.as_deref();
@@ -296,10 +296,7 @@ fn web(args: &Args, is_scene: bool, path: &Path) -> Result<ExportResult> {
     let mut scene = LoadedScene::new(manifest, placed, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     scene.find_transfer(&run, &ledger)?;
-    let mut bundle = web::bundle(&scene, &run, &ledger)?;
-    if !is_scene {
-        web::aim(&mut bundle);
-    }
+    let bundle = web::bundle(&scene, &run, &ledger)?;
     let bytes = bundle.write().map_err(|e| Error::Usage(format!("{}: {e}", args.folder.display())))?;
     atomic::write_bytes(path, &bytes)?;
     let with = bundle.views.iter().filter(|v| v.reference.is_some()).count();
@@ -313,7 +310,7 @@ fn web(args: &Args, is_scene: bool, path: &Path) -> Result<ExportResult> {
 }
 
 #[cfg(not(feature = "render"))]
-fn web(_: &Args, _: bool, _: &Path) -> Result<ExportResult> {
+fn web(_: &Args, _: &Path) -> Result<ExportResult> {
     Err(Error::Missed("nothing to export: this build has no renderer (feature `render`)".into()))
 }
 

@@ -2,13 +2,16 @@
 
 use crate::cli::Result;
 use mesophyll_base::error::Error;
+use std::io::{IsTerminal, Write};
+use std::process::{Command, Stdio};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll man
   mesophyll man fit slab
 
-To read a page at once, send it to `man -l -`. To keep it, write it into a file: `> mesophyll-fit-slab.1`.")]
+In a terminal the page is shown by `man`, where that is there. To keep it, write it into a file:
+`> mesophyll-fit-slab.1`.")]
 pub struct Args {
     /// The verb, and what follows it: `fit slab`; without one, the page of the whole program
     #[arg(value_name = "VERB")]
@@ -18,8 +21,19 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<u8> {
     let mut page = Vec::new();
     clap_mangen::Man::new(of(&args.verb)?).render(&mut page).map_err(|e| Error::Usage(format!("man: {e}")))?;
-    super::print(&String::from_utf8_lossy(&page))?;
+    if !(std::io::stdout().is_terminal() && shown(&page)) {
+        super::print(&String::from_utf8_lossy(&page))?;
+    }
     Ok(0)
+}
+
+/// Whether the system's `man` could show the page.
+fn shown(page: &[u8]) -> bool {
+    let man = Command::new("man").args(["-l", "-"]).stdin(Stdio::piped()).spawn();
+    let Ok(mut man) = man else { return false };
+    // A reader that quits early has seen enough.
+    let _ = man.stdin.take().map(|mut to| to.write_all(page));
+    man.wait().is_ok_and(|status| status.success())
 }
 
 /// The command that `verb` names, called as pages are: `mesophyll-fit-slab`.

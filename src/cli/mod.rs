@@ -2,7 +2,7 @@
 
 #![warn(missing_docs)]
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use mesophyll_base::processor::{self, InstructionSet};
 use mesophyll_files::progress;
 use std::process::ExitCode;
@@ -154,7 +154,7 @@ fn quiet_display_libraries() {}
 
 /// Parses the command line, runs the verb, prints an error once, returns the exit code.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(e) => {
             // Help and version are answers (0); anything else is usage (2). A closed pipe is not our failure.
@@ -266,10 +266,29 @@ pub fn print_json<T: serde::Serialize>(value: &T) -> Result<()> {
     print(&format!("{text}\n"))
 }
 
-/// Turns `Cli` into a `clap::Command`, for completions.
+/// What the verbs are for, in the order of the help. A verb stands in one group.
+const GROUPS: [(&str, &[&str]); 6] = [
+    ("Measure", &["inspect", "synth"]),
+    ("Fit", &["run", "plan", "fit", "eval"]),
+    ("Draw", &["check", "render", "film", "view"]),
+    ("Exchange", &["grow", "import", "dress", "export"]),
+    ("Prove", &["report", "bench", "stress"]),
+    ("Help", &["help", "man", "completions"]),
+];
+
+/// The command line as clap knows it. Its help lists the verbs in groups.
 pub fn command() -> clap::Command {
-    use clap::CommandFactory;
-    Cli::command()
+    let command = Cli::command();
+    let about = |verb: &str| match command.find_subcommand(verb) {
+        Some(verb) => verb.get_about().map(ToString::to_string).unwrap_or_default(),
+        None => "Print this message, or the help of a verb".into(),
+    };
+    let mut text = String::from("{about-with-newline}\n{usage-heading} {usage}\n");
+    for (group, verbs) in GROUPS {
+        text += &format!("\n{group}:\n");
+        verbs.iter().for_each(|verb| text += &format!("  {verb:<12} {}\n", about(verb)));
+    }
+    command.help_template(text + "\nOptions:\n{options}{after-help}")
 }
 
 #[cfg(test)]
@@ -289,6 +308,16 @@ mod tests {
         command.build();
         below("mesophyll", &command, &mut all);
         all
+    }
+
+    #[test]
+    fn every_verb_stands_in_one_group_of_the_help() {
+        let command = command();
+        let mut grouped: Vec<&str> = GROUPS.iter().flat_map(|(_, verbs)| verbs.iter().copied()).collect();
+        let mut verbs: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).chain(["help"]).collect();
+        grouped.sort_unstable();
+        verbs.sort_unstable();
+        assert_eq!(grouped, verbs);
     }
 
     /// Outputs are named by `-o, --out` everywhere; `--output` is understood and shown nowhere.

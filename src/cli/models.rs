@@ -11,6 +11,7 @@ use mesophyll_proof::{
     beam, coverage, foliar, gloss, grass, leaf, motion, nist, peers, render, scene, sky, slab, solver, transfer,
     translucency, transport, visibility, wind,
 };
+use serde_json::json;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +20,8 @@ use std::path::{Path, PathBuf};
 pub struct ModelEntry {
     /// Its name on the command line and in rows.
     pub name: &'static str,
+    /// What `bench` or `stress` looks at, where no verb of `fit` or `eval` says what the model is.
+    pub about: &'static str,
     /// `mesophyll fit NAME`.
     pub fit: Option<ModelVerb>,
     /// `mesophyll eval NAME`.
@@ -83,12 +86,13 @@ macro_rules! sweep {
     };
 }
 
-const NONE: ModelEntry = ModelEntry { name: "", fit: None, eval: None, bench: None, stress: None };
+const NONE: ModelEntry = ModelEntry { name: "", about: "", fit: None, eval: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
 pub const MODELS: [ModelEntry; 27] = [
     ModelEntry {
         name: "solve",
+        about: "The solver of least squares: stiff, singular and unbounded problems",
         bench: Some(ModelSweep {
             peers: Some(PeerScript { text: include_str!("../../tests/peers/nist_peers.py"), inputs: peers::nist }),
             ..sweep!(nist::bench_rows)
@@ -96,7 +100,12 @@ pub const MODELS: [ModelEntry; 27] = [
         stress: Some(|| Ok(solver::stress())),
         ..NONE
     },
-    ModelEntry { name: "nist", stress: Some(nist::stress), ..NONE },
+    ModelEntry {
+        name: "nist",
+        about: "The certified problems of nonlinear regression",
+        stress: Some(nist::stress),
+        ..NONE
+    },
     ModelEntry {
         name: "slab",
         fit: verb!(fit::slab, "σa and σs of a slab from its reflectance, transmittance and thickness, from CSV"),
@@ -109,6 +118,7 @@ pub const MODELS: [ModelEntry; 27] = [
             ..sweep!(slab::bench::bench_rows)
         }),
         stress: Some(|| Ok(slab::stress::stress_cases())),
+        ..NONE
     },
     ModelEntry {
         name: "bands",
@@ -124,6 +134,7 @@ pub const MODELS: [ModelEntry; 27] = [
             ..sweep!(gloss::bench::bench_rows)
         }),
         stress: Some(|| Ok(gloss::stress::rows())),
+        ..NONE
     },
     ModelEntry {
         name: "leaf",
@@ -131,7 +142,12 @@ pub const MODELS: [ModelEntry; 27] = [
         stress: Some(leaf::stress::rows),
         ..NONE
     },
-    ModelEntry { name: "coverage", stress: Some(|| Ok(coverage::rows())), ..NONE },
+    ModelEntry {
+        name: "coverage",
+        about: "How often intervals hold the truth, over ten thousand made-up texels",
+        stress: Some(|| Ok(coverage::rows())),
+        ..NONE
+    },
     ModelEntry {
         name: "beam",
         fit: verb!(
@@ -141,6 +157,7 @@ pub const MODELS: [ModelEntry; 27] = [
         eval: verb!(eval::beam, "Deflection and slope of a tapered branch"),
         bench: Some(sweep!(beam::bench::bench_rows)),
         stress: Some(|| Ok(beam::stress::rows())),
+        ..NONE
     },
     ModelEntry {
         name: "motion",
@@ -153,6 +170,7 @@ pub const MODELS: [ModelEntry; 27] = [
     },
     ModelEntry {
         name: "wind",
+        about: "How trees move in wind",
         bench: Some(ModelSweep { steps: pictures::TREES, rows: pictures::trees, pictures: None, peers: None }),
         stress: Some(wind::rows),
         ..NONE
@@ -171,6 +189,7 @@ pub const MODELS: [ModelEntry; 27] = [
             ..sweep!(sky::bench::bench_rows)
         }),
         stress: Some(sky::stress::rows),
+        ..NONE
     },
     ModelEntry {
         name: "panorama",
@@ -202,6 +221,7 @@ pub const MODELS: [ModelEntry; 27] = [
     },
     ModelEntry {
         name: "render",
+        about: "Ways to draw leaves, near and far",
         bench: Some(ModelSweep {
             steps: pictures::FOLIAGE,
             rows: pictures::foliage,
@@ -240,9 +260,15 @@ pub const MODELS: [ModelEntry; 27] = [
         stress: Some(|| Ok(grass::stress::rows())),
         ..NONE
     },
-    ModelEntry { name: "transport", stress: Some(|| Ok(transport::stress())), ..NONE },
+    ModelEntry {
+        name: "transport",
+        about: "Extreme scenes of the path tracer: furnaces, thin and white leaves",
+        stress: Some(|| Ok(transport::stress())),
+        ..NONE
+    },
     ModelEntry {
         name: "visibility",
+        about: "Maps of the sun's visibility on leaves",
         bench: Some(ModelSweep {
             steps: visibility::bench::PIECES,
             rows: visibility::bench::rows,
@@ -294,14 +320,40 @@ pub fn with<T>(what: fn(&ModelEntry) -> Option<T>) -> impl Iterator<Item = (&'st
     MODELS.iter().filter_map(move |model| Some((model.name, what(model)?)))
 }
 
+/// The names that `bench` and `stress` take: those of the models that have a certain part, and `all`.
+pub fn names<T>(what: fn(&ModelEntry) -> Option<T>) -> impl Iterator<Item = &'static str> {
+    with(what).map(|(name, _)| name).chain([ALL])
+}
+
+const ALL: &str = "all";
+
 /// Of the models that have a certain part, those that were asked for, each once and in the order asked; all of them
-/// where none was asked for.
+/// for `all`.
 pub fn asked<T>(names: &[String], what: fn(&ModelEntry) -> Option<T>) -> Vec<(&'static str, T)> {
-    if names.is_empty() {
+    if names.iter().any(|name| name == ALL) {
         return with(what).collect();
     }
     let first = |k: &usize| !names[..*k].contains(&names[*k]);
     (0..names.len()).filter(first).filter_map(|k| with(what).find(|(name, _)| *name == names[k])).collect()
+}
+
+/// Prints which models have a certain part, for a `verb` that was given no name.
+///
+/// # Errors
+/// Those of standard output.
+pub fn list<T>(verb: &str, what: fn(&ModelEntry) -> Option<T>, common: &CommonArgs) -> Result<u8> {
+    let about = |m: &ModelEntry| [m.fit, m.eval].into_iter().flatten().next().map_or(m.about, |verb| verb.about);
+    let models: Vec<_> = MODELS.iter().filter(|m| what(m).is_some()).map(|m| (m.name, about(m))).collect();
+    if common.json {
+        let models: Vec<_> = models.iter().map(|(name, about)| json!({ "name": name, "about": about })).collect();
+        super::print_json(&json!({ "models": models }))?;
+        return Ok(0);
+    }
+    let lines = models.iter().map(|(name, about)| format!("  {name:<13} {about}\n")).collect::<String>();
+    super::print(&format!(
+        "mesophyll {verb} NAME... runs one or several; `mesophyll {verb} all` runs every one.\n{lines}"
+    ))?;
+    Ok(0)
 }
 
 /// Which verbs a command offers: those of `fit`, or those of `eval`.

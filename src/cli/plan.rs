@@ -6,7 +6,7 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::{leaf::LeafSearch, ledger::Ledger};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 #[command(
@@ -23,8 +23,16 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
-    let manifest = SceneManifest::read(&args.scene)?;
-    let search = LeafSearch { out: args.out.as_deref(), input_hash: Some(&input_hash), free: false };
+    say(&args.scene, args.out.as_deref(), common)
+}
+
+/// Prints the plan of a scene; fits in `out` count as done.
+///
+/// # Errors
+/// Those of reading the scene and its fits, and of standard output.
+pub fn say(scene: &Path, out: Option<&Path>, common: &CommonArgs) -> Result<u8> {
+    let manifest = SceneManifest::read(scene)?;
+    let search = LeafSearch { out, input_hash: Some(&input_hash), free: false };
     let plan = LoadedScene::open(manifest, search, &Ledger::new())?.plan;
     if common.json {
         super::print_json(&plan)?;

@@ -12,14 +12,15 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  mesophyll render data/scenes/twig.toml -o out/twig --samples 64\n  \
+     mesophyll render fits/elm -o out/elm --samples 64\n  \
      mesophyll render data/scenes/cluster.toml -o out/cluster --error 0.01\n  \
      mesophyll render data/scenes/cluster.toml -o out/cluster --samples 1024 --resume\n\n\
     Each view becomes VIEW.exr (channels R, G, B: radiance; error.R, error.G, error.B: its standard error), VIEW.png \
     (tone-mapped) and VIEW.progress.exr, from which --resume goes on. The scene's [check] gives the picture's size. \
     Fits that are missing are made first and kept in DIR/fits.")]
 pub struct Args {
-    /// Scene to draw, with light between leaves
-    #[arg(value_name = "SCENE.toml")]
+    /// Scene to draw, with light between leaves; or the folder of a leaf's fit, which is drawn from both sides
+    #[arg(value_name = "SCENE.toml|FIT")]
     scene: PathBuf,
     /// Folder for the pictures
     #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::destination::folder())]
@@ -55,7 +56,7 @@ pub fn positive(text: &str) -> std::result::Result<f64, String> {
 }
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
-    let manifest = SceneManifest::read(&args.scene)?;
+    let manifest = SceneManifest::of(&args.scene)?;
     let _claim = claim::folder(&args.out, claim::OutputKind::Render, &[&args.scene])?;
     let ledger = Ledger::new();
     let scene = super::preparation::scene(manifest, &args.out, &ledger)?;

@@ -23,8 +23,8 @@ pub struct Args {
     /// Fit folders (two or more are compared with the first), or the folder of a run
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
-    /// The HTML file, `-` for standard output (default: report.html, unless --json, --markdown or --plots is asked
-    /// for)
+    /// The HTML file, `-` for standard output (default: FOLDER.html beside the first folder, unless --json,
+    /// --markdown or --plots is asked for)
     #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: Option<PathBuf>,
     /// The rows as Markdown on standard output
@@ -57,7 +57,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if args.output.is_none() && (common.json || args.markdown || args.plots.is_some()) {
         return Ok(code);
     }
-    let path = args.output.clone().unwrap_or_else(|| PathBuf::from("report.html"));
+    let path = args.output.clone().map_or_else(|| beside(&args.folders[0]), Ok)?;
     let inputs: Vec<&Path> = args.folders.iter().map(PathBuf::as_path).collect();
     claim::file(&path, &["html"], &inputs)?;
     if path.is_dir() {
@@ -72,6 +72,23 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         progress::say(format_args!("written: {}", path.display()));
     }
     Ok(exit_code(&report.verdict))
+}
+
+/// The report's file beside a folder, and called like it: `out/elm.html` for `out/elm`.
+///
+/// # Errors
+/// [`Error::Usage`] where a file that is no report has that name.
+fn beside(folder: &Path) -> Result<PathBuf> {
+    let whole = std::path::absolute(folder).map_err(|e| Error::input(folder, e))?;
+    let name = whole.file_name().ok_or_else(|| Error::argument("-o", "nothing", "the name of an HTML file"))?;
+    let mut name = name.to_os_string();
+    name.push(".html");
+    let path = if folder.file_name().is_some() { folder.with_file_name(&name) } else { whole.with_file_name(&name) };
+    if path.exists() && !report::is_report(&path) {
+        let why = format!("{}: found a file that is no report, expected none; name another file by -o", path.display());
+        return Err(Error::Usage(why));
+    }
+    Ok(path)
 }
 
 /// A workflow goes on with what is good or usable with care, and stops at what is not good.

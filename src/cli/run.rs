@@ -16,6 +16,7 @@ use std::time::Instant;
 #[command(after_help = "Examples:
   mesophyll run data/scenes/demo.toml --out out/demo
   mesophyll run data/scenes/fits.toml --out out/fits --write-fits
+  mesophyll run data/scenes/demo.toml --dry-run
 
 Everything lands in the folder: captures/, fits/, plan.json, check.json, pictures and report.html. Run again it does \
 only what is
@@ -32,9 +33,15 @@ pub struct Args {
     /// into DIR/fits
     #[arg(long)]
     write_fits: bool,
+    /// Only say what would be needed and what is left out, as `mesophyll plan` does; nothing is written
+    #[arg(long, conflicts_with = "write_fits")]
+    dry_run: bool,
 }
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    if args.dry_run {
+        return super::plan::say(&args.scene, args.out.as_deref(), common);
+    }
     let clock = Instant::now();
     let manifest = SceneManifest::read(&args.scene)?;
     manifest.require_limits()?;

@@ -9,9 +9,9 @@ use mesophyll_proof::tables;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Which tables to run (default: all)
+    /// Which tables to run: names, or all (default: say what there is)
     #[arg(value_name = "MODEL",
-        value_parser = PossibleValuesParser::new(models::with(|m| m.stress).map(|(name, _)| name)))]
+        value_parser = PossibleValuesParser::new(models::names(|m| m.stress)))]
     models: Vec<String>,
 }
 
@@ -49,6 +49,9 @@ fn named(table: &str, mut rows: Vec<StressRow>) -> Vec<StressRow> {
 /// Runs the tables. Returns 0 where every case got the verdict that it expects; otherwise it returns 1 and the other
 /// cases are named.
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    if args.models.is_empty() {
+        return models::list("stress", |m| m.stress, common);
+    }
     let wanted = models::asked(&args.models, |m| m.stress);
     let bar = progress::TaskProgress::new("stress tables", wanted.len() as u64);
     let mut all: Vec<StressRow> = Vec::new();

@@ -42,7 +42,7 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     use mesophyll_viewer::scene::Backdrop;
     use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
 
-    let manifest = SceneManifest::read(&args.scene)?;
+    let manifest = SceneManifest::of(&args.scene)?;
     let ledger = Ledger::new();
     let search = LeafSearch { out: args.out.as_deref(), input_hash: Some(&maker::input_hash), free: true };
     let mut placed = PlacedScene::new(&manifest, search, &ledger)?;

@@ -101,7 +101,7 @@ fn notes_and_scripts_are_not_replaced() {
 /// `stress`, `bench` and `report` look seldom for a stop, and end at once all the same.
 #[test]
 fn a_stop_ends_long_tables_within_a_second() {
-    for words in [["stress"], ["bench"]] {
+    for words in [["stress", "all"], ["bench", "all"]] {
         let mut child = mesophyll().args(words).stdout(std::process::Stdio::null()).spawn().unwrap();
         // The thread that waits for Ctrl-C is the second one, and the workers come after it.
         let threads = || fs::read_dir(format!("/proc/{}/task", child.id())).map_or(3, |list| list.count());

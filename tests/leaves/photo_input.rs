@@ -2,6 +2,7 @@
 
 use crate::common::{copy_tree, refused, run, succeeded};
 use crate::photo::{changed, made, rows, text, toml};
+use mesophyll::base::rgb::Rgb;
 use mesophyll::capture::photo::{PhotoManifest, picture::LinearPhotograph, reduce};
 use mesophyll::files::image::{ChannelMaps, Packing, read_exr, write_exr};
 use mesophyll::optics::side::Side;
@@ -62,10 +63,10 @@ fn the_back_may_lie_up_on_the_table() {
         for side in [Side::Front, Side::Back] {
             let (a, b) = (before.side(side), after.side(side));
             assert!(a.rho_t_seen && b.rho_t_seen);
-            let same = |a: &[[f64; 3]], b: &[[f64; 3]]| {
+            let same = |a: &[Rgb], b: &[Rgb]| {
                 a.iter()
-                    .flatten()
-                    .zip(b.iter().flatten())
+                    .flat_map(|v| v.iter())
+                    .zip(b.iter().flat_map(|v| v.iter()))
                     .all(|(a, b)| (a - b).abs() < 1e-12 || a.is_nan() && b.is_nan())
             };
             assert!(same(&a.rho_t, &b.rho_t) && same(&a.rho_d, &b.rho_d) && a.status == b.status);
@@ -110,7 +111,7 @@ fn png_and_tiff_are_reduced_as_exr() {
         for side in [Side::Front, Side::Back] {
             let (a, b) = (before.side(side), after.side(side));
             assert_eq!(a.status, b.status);
-            let off = |a: &[[f64; 3]], b: &[[f64; 3]], err: &[[f64; 3]], good: &[i16]| {
+            let off = |a: &[Rgb], b: &[Rgb], err: &[Rgb], good: &[i16]| {
                 let good = (0..a.len()).filter(|&k| good[k] == 1).flat_map(|k| [0, 1, 2].map(|c| (k, c)));
                 good.map(|(k, c)| (a[k][c] - b[k][c]).abs() / err[k][c]).fold(0.0, f64::max)
             };

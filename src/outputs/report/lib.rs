@@ -70,6 +70,14 @@ fn defaults(sources: &[ReportSource], pictures: Option<ReportDetail>) -> Options
     Options { compare: sources.len() > 1 && sources.iter().all(ReportSource::is_fit), pictures, title: None }
 }
 
+/// Whether a file is a report that this program wrote.
+pub fn is_report(path: &Path) -> bool {
+    use std::io::Read;
+    let mut head = String::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(4096).read_to_string(&mut head));
+    read.is_ok() && head.contains(" · report</title>")
+}
+
 /// Writes one self-contained HTML file. Where it would be larger than 5 MB, pictures and values are shown more
 /// coarsely, and the page says so.
 ///

@@ -2,13 +2,12 @@
 
 use crate::draw::handover;
 use crate::loaded::LoadedScene;
-use crate::manifest::{InteriorSource, PerspectiveView, SceneManifest};
+use crate::manifest::{InteriorSource, PerspectiveView};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Sides;
 use mesophyll_transport::environment::Environment;
-use mesophyll_viewer::ball_around;
 use mesophyll_web::bundle::{Bundle, BundleView, LeafSlabs, SideSlab, StillSections};
 use std::path::Path;
 use std::sync::Arc;
@@ -92,65 +91,4 @@ fn picture(path: &Path, size: [u32; 2]) -> Result<Vec<u8>> {
         return Err(Error::input(path, what));
     }
     Ok(bytes)
-}
-
-/// A scene around a fitted leaf, in sun and a constant sky.
-///
-/// # Errors
-/// [`Error::Input`] where the folder holds no fit of a leaf.
-pub fn around(fit: &Path) -> Result<SceneManifest> {
-    let fit = std::path::absolute(fit).map_err(|e| Error::input(fit, e))?;
-    let name = fit.file_name().map_or("leaf".into(), |n| n.to_string_lossy().into_owned());
-    let text = AROUND.replace("NAME", &toml::Value::from(name).to_string());
-    SceneManifest::parse(&text, &fit.join("fit.toml"))
-}
-
-/// The scene around a fit. Its cameras are moved by `aim`, because leaves differ in size.
-const AROUND: &str = r#"
-schema = 1
-name = NAME
-exposure = 2.0
-
-[[leaf]]
-name = NAME
-fit = "."
-
-[[instance]]
-leaf = NAME
-
-[sun]
-zenith_deg = 40
-azimuth_deg = 120
-irradiance = [3.0, 2.9, 2.7]
-
-[sky]
-radiance = [0.25, 0.30, 0.40]
-
-[[view]]
-name = "front"
-kind = "perspective"
-eye_mm = [0, -60, 80]
-target_mm = [0, 0, 0]
-fov_deg = 30
-
-[[view]]
-name = "back"
-kind = "perspective"
-eye_mm = [0, -60, -80]
-target_mm = [0, 0, 0]
-fov_deg = 30
-
-[check]
-width = 800
-height = 600
-"#;
-
-/// Moves every camera along its line of sight until the whole scene is in its picture.
-pub fn aim(bundle: &mut Bundle) {
-    let (centre, radius) = ball_around(&bundle.scene);
-    for view in &mut bundle.views {
-        let towards = (view.camera.eye - view.camera.target).normalize();
-        let half = 0.5 * view.camera.fov_y_deg.to_radians();
-        (view.camera.target, view.camera.eye) = (centre, centre + towards * radius / half.sin());
-    }
 }

@@ -6,6 +6,7 @@
 
 #![warn(missing_docs)]
 
+mod around;
 mod foliar;
 mod grass;
 mod leaf;

@@ -1,0 +1,89 @@
+//! The scene around a fitted leaf, for verbs that are given a fit's folder in place of a scene.
+
+use super::SceneManifest;
+use crate::{Error, Result};
+use mesophyll_fits::record::{FitKind, FitRecord};
+use std::path::Path;
+
+impl SceneManifest {
+    /// Reads a scene file. Where `path` is the folder of a leaf's fit, the scene around this leaf is made: from both
+    /// sides, in sun and an even sky.
+    ///
+    /// # Errors
+    /// As [`SceneManifest::read`]; [`Error::Input`] where a folder holds no fit of a leaf.
+    pub fn of(path: &Path) -> Result<SceneManifest> {
+        if path.is_dir() { SceneManifest::around(path) } else { SceneManifest::read(path) }
+    }
+
+    /// The scene around the leaf whose fit is in the folder `fit`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the folder holds no fit of a leaf.
+    pub fn around(fit: &Path) -> Result<SceneManifest> {
+        let head = fit.join("fit.toml");
+        if !head.exists() {
+            let expected = "a scene file, or the folder of a leaf's fit";
+            return Err(Error::unexpected(fit, "scene", "a folder without fit.toml", expected));
+        }
+        let record = FitRecord::read(fit)?;
+        if record.kind != FitKind::Leaf {
+            let found = format!("a fit of the kind {}", record.kind);
+            return Err(Error::unexpected(&head, "kind", found, "a leaf's fit, which a scene can be made around"));
+        }
+        let fit = std::path::absolute(fit).map_err(|e| Error::input(fit, e))?;
+        let name = fit.file_name().map_or("leaf".into(), |n| n.to_string_lossy().into_owned());
+        // The leaf fills the picture's height (30 degrees), seen from 37 degrees beside its normal.
+        let far = 0.5 * breadth(&record).unwrap_or(100.0) / 15f64.to_radians().sin();
+        let (side, up) = (-0.6 * far, 0.8 * far);
+        let text = AROUND.replace("NAME", &toml::Value::from(name).to_string());
+        let text = text.replace("SIDE", &format!("{side:.3}")).replace("UP", &format!("{up:.3}"));
+        SceneManifest::parse(&text, &fit.join("fit.toml"))
+    }
+}
+
+/// The larger edge of a fit's maps, in mm.
+fn breadth(record: &FitRecord) -> Option<f64> {
+    let (width, height) = record.options.get("size")?.split_once('x')?;
+    let texels = width.parse::<f64>().ok()?.max(height.parse().ok()?);
+    Some(texels * record.options.get("texel_mm")?.parse::<f64>().ok()?).filter(|mm| mm.is_finite() && *mm > 0.0)
+}
+
+/// The scene around a fit.
+const AROUND: &str = r#"
+schema = 1
+name = NAME
+exposure = 2.0
+
+[[leaf]]
+name = NAME
+fit = "."
+
+[[instance]]
+leaf = NAME
+
+[sun]
+zenith_deg = 40
+azimuth_deg = 120
+irradiance = [3.0, 2.9, 2.7]
+
+[sky]
+radiance = [0.25, 0.30, 0.40]
+
+[[view]]
+name = "front"
+kind = "perspective"
+eye_mm = [0, SIDE, UP]
+target_mm = [0, 0, 0]
+fov_deg = 30
+
+[[view]]
+name = "back"
+kind = "perspective"
+eye_mm = [0, SIDE, -UP]
+target_mm = [0, 0, 0]
+fov_deg = 30
+
+[check]
+width = 800
+height = 600
+"#;
