@@ -34,6 +34,7 @@ mod run;
 mod stress;
 mod synth;
 mod tables;
+mod verb_choice;
 mod view;
 pub use memory::ReportingAllocator;
 pub(crate) use mesophyll_base::error::{Error, Result};

@@ -2,7 +2,8 @@
 
 use super::CommonArgs;
 use crate::cli::Result;
-use crate::cli::models::{ModelEntry, ModelVerb, VerbCatalogue, VerbChoice};
+use crate::cli::models::{ModelEntry, ModelVerb};
+use crate::cli::verb_choice::{VerbCatalogue, VerbChoice};
 
 pub mod abm;
 pub mod bands;

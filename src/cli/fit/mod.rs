@@ -1,7 +1,8 @@
 //! `mesophyll fit …`: one file a fit. The list is [`crate::cli::models::MODELS`].
 
 use super::CommonArgs;
-use crate::cli::models::{ModelEntry, ModelVerb, VerbCatalogue, VerbChoice};
+use crate::cli::models::{ModelEntry, ModelVerb};
+use crate::cli::verb_choice::{VerbCatalogue, VerbChoice};
 use crate::cli::{Error, Result};
 use mesophyll_files::progress::say;
 use mesophyll_fits::record::FitRecord;
