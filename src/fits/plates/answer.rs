@@ -175,9 +175,9 @@ impl PlateFitModel {
         let values = found.contents.into_iter().chain(errors).chain([found.rms]).collect();
         if found.rms > NO_LEAF * self.population.rms {
             let why = format!(
-                "the model does not describe this leaf ({}: an rms of {:.3} is left, where leaves of species that the \
-                 coefficients had not seen leave about {:.4})",
-                CONTENTS.join(" "),
+                "the model does not describe this leaf, so {} are not known: an rms of {:.3} is left, where leaves of \
+                 species that the coefficients had not seen leave about {:.4}",
+                CONTENTS.join(", "),
                 found.rms,
                 self.population.rms
             );

@@ -3,9 +3,10 @@
 use super::answer::{PlateAnswer, PlateFitModel, off_base, off_by};
 use super::misfit::{self, PlateMisfit};
 use super::training::{PlateExample, PlateRound, PlateTrained, PlateTraining, readings};
-use super::{CONTENTS, FREE, PlateCoefficients, PlatePoint, PlatePopulation, REACH, SUBSTANCES};
+use super::{CONTENTS, FREE, PlateCoefficients, PlatePoint, PlatePopulation, REACH, SUBSTANCES, USUAL};
 use mesophyll_base::statistics::median_of;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// The coefficients of a part, the leaves that they were made from, and the leaves that were left out.
 pub(super) type PlatePart<'a> = (Vec<PlatePoint>, PlatePopulation, Vec<&'a PlateExample>);
@@ -19,6 +20,8 @@ const HELD: f64 = 0.9;
 /// model have longer tails than a normal distribution, and where they fall exponentially, an interval that holds 95 %
 /// at 1.96 holds 90 % at this.
 const WIDTH: f64 = 1.507;
+/// A mean over species is more than chance where it is this many standard errors off.
+const CHANCE: f64 = 2.0;
 /// A leaf that leaves this many times the usual, or whose content is this many standard errors off, is suspect.
 const SUSPECT: [f64; 2] = [4.0, 4.0];
 /// A constant is not carried where its standard error is more than half of it.
@@ -147,26 +150,55 @@ fn suspects(judged: &[PlateJudged], population: &PlatePopulation) -> Vec<String>
     judged.iter().filter_map(why).collect()
 }
 
+/// A content may be off in the same direction in all species, because readings and contents pull at the coefficients
+/// together. Returns what it is to be multiplied by: the mean over species of measured by found, in unseen leaves, where
+/// that differs from 1 by more than chance.
+fn unit(k: usize, judged: &[PlateJudged], population: &PlatePopulation) -> f64 {
+    let mut species: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    for (example, answer, _) in judged {
+        let (measured, found) = (example.measured[k], answer.contents[k]);
+        if measured > 0.0 && found > 0.1 * population.mean[k] * USUAL[k] {
+            species.entry(example.species).or_default().push((measured / found).ln());
+        }
+    }
+    let count = species.len() as f64;
+    let means: Vec<f64> = species.values().map(|v| v.iter().sum::<f64>() / v.len() as f64).collect();
+    let mean = means.iter().sum::<f64>() / count;
+    let error = (means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (count * (count - 1.0))).sqrt();
+    if mean.abs() > CHANCE * error { mean.exp() } else { 1.0 }
+}
+
+/// Counts a content in another unit: leaves have `factor` times as much of it, and it absorbs less by that.
+fn count_in(k: usize, factor: f64, points: &mut [PlatePoint], population: &mut PlatePopulation) {
+    points.iter_mut().for_each(|p| p.specific[k] /= factor);
+    population.mean[k] *= factor;
+    population.spread[k] *= factor;
+}
+
 /// Puts together what training came to.
 pub(super) fn judged(
     table: &PlateTraining,
-    whole: PlateRound,
-    population: PlatePopulation,
-    parts: &[PlatePart],
+    mut whole: PlateRound,
+    mut population: PlatePopulation,
+    mut parts: Vec<PlatePart>,
 ) -> PlateTrained {
     let count = table.wavelengths.len();
     let first = PlateMisfit { modes: Vec::new(), short: vec![[FIRST[0]; 2]; count], reach: FIRST[1] };
-    let before = unseen(table, parts, &first, FIRST[0]);
+    let before = unseen(table, &parts, &first, FIRST[0]);
+    for k in 0..4 {
+        let factor = unit(k, &before, &population);
+        count_in(k, factor, &mut whole.points, &mut population);
+        parts.iter_mut().for_each(|(points, population, _)| count_in(k, factor, points, population));
+    }
     let left: Vec<Vec<[f64; 2]>> = before.into_iter().map(|(_, _, left)| left).collect();
     let misfit = misfit::estimate(&table.wavelengths, &left);
-    let mut population = population;
     population.rms = median_of(left.iter().map(|l| misfit::rms(l))).unwrap_or(FIRST[0]);
-    let judged = unseen(table, parts, &misfit, population.rms);
+    let judged = unseen(table, &parts, &misfit, population.rms);
     population.rms = median_of(judged.iter().map(|j| j.1.rms)).unwrap_or(population.rms);
     population.off = std::array::from_fn(|k| off(k, &judged, &population));
     let suspects = suspects(&judged, &population);
     let mut all = coefficients(table, &whole.points, population, &misfit);
-    all.errors = scatter(&whole.points, parts);
+    all.errors = scatter(&whole.points, &parts);
     let uncarried = uncarried(table, &all.points, &all.errors);
     PlateTrained { coefficients: all, suspects, uncarried }
 }

@@ -126,12 +126,19 @@ impl LeafMisfit<'_> {
         }
         let mut trace = 0.0;
         for through in [false, true] {
-            // The squares of the readings before, each fallen by its distance.
+            // The squares of the readings before, each fallen by its distance, and the same for each mode.
             let (mut before, mut last) = (0.0, f64::NAN);
+            let mut along = vec![0.0; modes];
             for r in self.readings.iter().filter(|r| r.through == through) {
                 let at = self.wavelengths[r.light];
-                let fall = if last.is_nan() { 0.0 } else { (-2.0 * (at - last) / self.misfit.reach).exp() };
-                before *= fall;
+                let fall = if last.is_nan() { 0.0 } else { (-(at - last) / self.misfit.reach).exp() };
+                before *= fall * fall;
+                for (k, along) in along.iter_mut().enumerate() {
+                    let here = self.mode(k, r) * self.short(r);
+                    *along *= fall;
+                    squares += 4.0 * here * *along;
+                    *along += here;
+                }
                 let (short, noise) = (self.short(r).powi(2), self.noise(r).powi(2));
                 let long: f64 = (0..modes).map(|k| self.mode(k, r).powi(2)).sum();
                 squares += (short + noise) * (2.0 * long + short + noise) + 2.0 * short * before;

@@ -237,7 +237,7 @@ pub fn train(table: &PlateTraining) -> crate::Result<PlateTrained> {
     let parts = (0..PARTS).map(leave).collect::<crate::Result<Vec<_>>>()?;
     let whole = alternate(&table.wavelengths, &examples)?;
     let population = population(&whole, &examples, table.species.len());
-    Ok(calibration::judged(table, whole, population, &parts))
+    Ok(calibration::judged(table, whole, population, parts))
 }
 
 /// Why a table cannot be trained on, if so.
