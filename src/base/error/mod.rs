@@ -6,10 +6,12 @@
 #![warn(missing_docs)]
 
 mod quotation;
+mod toml_kind;
 
 pub use quotation::short;
 use std::fmt::Display;
 use std::path::Path;
+pub use toml_kind::TomlKind;
 
 /// What went wrong, said once. Its [`Display`] is the whole sentence for the user.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -118,6 +120,18 @@ impl Error {
         }
     }
 
+    /// As [`Error::toml`], for a file that should be of a kind. Where its fields are those of another, this is said.
+    pub fn toml_of(kind: TomlKind, path: &Path, text: &str, e: &toml::de::Error) -> Self {
+        let error = Error::toml(path, text, e);
+        match (text.parse().ok().and_then(|table| TomlKind::of(&table)), error) {
+            (Some(found), Error::Input { file, line, field, fault }) if found != kind => {
+                let fault = Fault::Other(format!("{fault}; this is {found}, expected {kind}"));
+                Error::Input { file, line, field, fault }
+            }
+            (_, error) => error,
+        }
+    }
+
     /// An output that could not be written.
     pub fn write(path: &Path, reason: impl Display) -> Self {
         Error::Write { file: path.display().to_string(), reason: reason.to_string() }
@@ -194,6 +208,11 @@ mod tests {
         let text = "a = 1\nb = ]\n";
         let e = toml::from_str::<toml::Table>(text).unwrap_err();
         assert!(said(Error::toml(path, text, &e)).starts_with("a/capture.toml:2: "));
+        let text = "wood = 1\nhieght = 2\n";
+        let e = toml::from_str::<std::collections::BTreeMap<String, String>>(text).unwrap_err();
+        let other = said(Error::toml_of(TomlKind::Scene, path, text, &e));
+        assert!(other.ends_with("; this is the description of a plant or a meadow, expected a scene"), "{other}");
+        assert_eq!(said(Error::toml_of(TomlKind::Growth, path, text, &e)), said(Error::toml(path, text, &e)));
         assert_eq!(said(Error::write(path, "the disk is full")), "cannot write a/capture.toml: the disk is full");
     }
 }

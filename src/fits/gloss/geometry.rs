@@ -3,6 +3,7 @@
 use super::GlossFitDevice;
 use crate::record::read_toml;
 use crate::{Error, Result};
+use mesophyll_base::error::TomlKind;
 use mesophyll_files::table::InputTable;
 use mesophyll_optics::gloss::Lobe;
 use serde::Deserialize;
@@ -55,7 +56,8 @@ impl GlossGeometry {
     /// # Errors
     /// As [`GlossGeometry::read`].
     pub fn from_text(text: &str, name: &Path) -> Result<GlossGeometry> {
-        let geometry: GlossGeometry = toml::from_str(text).map_err(|e| Error::toml(name, text, &e))?;
+        let geometry: GlossGeometry =
+            toml::from_str(text).map_err(|e| Error::toml_of(TomlKind::LightSource, name, text, &e))?;
         geometry.check(name)?;
         Ok(geometry)
     }

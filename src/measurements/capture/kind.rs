@@ -1,6 +1,7 @@
 //! The kinds of capture, and the one way to open a `capture.toml`.
 
 use crate::{Error, Result};
+use mesophyll_base::error::TomlKind;
 use mesophyll_files::whole_file;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -82,7 +83,7 @@ pub fn read<T: DeserializeOwned>(folder: &Path, expected: CaptureKind) -> Result
     {
         return Err(Error::field(&path, "kind", other_kind(&table, expected)));
     }
-    let manifest = toml::from_str(&text).map_err(|e| Error::toml(&path, &text, &e))?;
+    let manifest = toml::from_str(&text).map_err(|e| Error::toml_of(TomlKind::Capture, &path, &text, &e))?;
     Ok((path, manifest))
 }
 

@@ -3,6 +3,7 @@
 
 use super::layers::FoliarSpec;
 use crate::{Error, Result};
+use mesophyll_base::error::TomlKind;
 use mesophyll_files::whole_file;
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Tube;
@@ -315,7 +316,7 @@ impl LeafSpec {
     /// [`Error::Input`] naming the file, the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<LeafSpec> {
         let text = whole_file::text(path)?;
-        let mut spec: LeafSpec = text.parse().map_err(|e| Error::toml(path, &text, &e))?;
+        let mut spec: LeafSpec = text.parse().map_err(|e| Error::toml_of(TomlKind::SyntheticLeaf, path, &text, &e))?;
         spec.validate(path)?;
         if let Some(foliar) = &mut spec.foliar {
             foliar.read(path)?;

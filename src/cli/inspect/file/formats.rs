@@ -2,6 +2,7 @@
 
 use super::{Found, quoted};
 use crate::cli::{Error, Result};
+use mesophyll_base::error::TomlKind;
 use std::path::Path;
 
 /// First bytes of forms that no command reads, what they are, and what helps.
@@ -129,27 +130,22 @@ fn description(ending: &str, text: &str, path: &Path) -> Result<Found> {
         return Ok(Found { form: "a JSON text".into(), reason: Some(reason), ..Found::default() });
     }
     let table: toml::Table = toml::from_str(text).map_err(|e| Error::toml(path, text, &e))?;
-    let has = |field: &str| table.contains_key(field);
-    Ok(match () {
-        () if has("record_hash") => of("the record of a fit", format!("mesophyll report {}", quoted(parent))),
-        () if has("tube_length_mm") => of(
-            "the description of a linear light source",
-            format!("mesophyll fit gloss --geometry {file} --in TRACES.csv"),
-        ),
-        () if has("sward") || has("wood") => {
-            of("the description of a plant or a meadow", format!("mesophyll grow {file} -o PLANT.glb"))
+    let named = path.file_name().is_some_and(|name| name == "capture.toml");
+    let kind = TomlKind::of(&table).or(named.then_some(TomlKind::Capture));
+    Ok(match kind {
+        Some(kind) => {
+            let command = match kind {
+                TomlKind::FitRecord => format!("mesophyll report {}", quoted(parent)),
+                TomlKind::LightSource => format!("mesophyll fit gloss --geometry {file} --in TRACES.csv"),
+                TomlKind::Growth => format!("mesophyll grow {file} -o PLANT.glb"),
+                TomlKind::Look => format!("mesophyll import {file} -o FOLDER"),
+                TomlKind::SyntheticLeaf => format!("mesophyll synth {file} -o CAPTURE"),
+                TomlKind::Scene => format!("mesophyll render {file} -o FOLDER"),
+                TomlKind::Capture => format!("mesophyll inspect {}", quoted(parent)),
+            };
+            of(&kind.to_string(), command)
         }
-        () if has("albedo") => of("a leaf's look, stated by pictures", format!("mesophyll import {file} -o FOLDER")),
-        () if has("field_mm") => {
-            of("the description of a synthetic leaf", format!("mesophyll synth {file} -o CAPTURE"))
-        }
-        () if has("view") || has("periodic") || has("instance") || (has("leaf") && has("sun")) => {
-            of("a scene", format!("mesophyll render {file} -o FOLDER"))
-        }
-        () if path.file_name().is_some_and(|name| name == "capture.toml") || has("texel_mm") || has("tube") => {
-            of("the description of a capture", format!("mesophyll inspect {}", quoted(parent)))
-        }
-        () => Found {
+        None => Found {
             form: "a TOML text".into(),
             reason: Some("its fields are those of no scene, plant, meadow, leaf, device, capture or fit".into()),
             ..Found::default()

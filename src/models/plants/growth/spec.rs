@@ -2,6 +2,7 @@
 
 use crate::file::MOST_TRIANGLES;
 use crate::{Error, Result};
+use mesophyll_base::error::TomlKind;
 use mesophyll_files::whole_file;
 use serde::Deserialize;
 use std::path::Path;
@@ -272,7 +273,7 @@ impl PlantSpec {
 /// Reads a description without checking its values.
 pub(crate) fn parse<T: FromStr<Err = toml::de::Error>>(path: &Path) -> Result<T> {
     let text = whole_file::text(path)?;
-    text.parse().map_err(|e| Error::toml(path, &text, &e))
+    text.parse().map_err(|e| Error::toml_of(TomlKind::Growth, path, &text, &e))
 }
 
 /// Checks that a field's value lies within its limits.

@@ -39,8 +39,8 @@ pub use view::{
 };
 
 use glam::DVec3;
-use mesophyll_base::error::Fault;
 pub(crate) use mesophyll_base::error::{Error, Result};
+use mesophyll_base::error::{Fault, TomlKind};
 use mesophyll_files::numbers;
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::whole_file;
@@ -145,7 +145,7 @@ impl SceneManifest {
     /// # Errors
     /// As [`SceneManifest::read`].
     pub fn parse(text: &str, path: &Path) -> Result<SceneManifest> {
-        let wrong = |e: toml::de::Error| gone(path, text, Error::toml(path, text, &e));
+        let wrong = |e: toml::de::Error| gone(path, text, Error::toml_of(TomlKind::Scene, path, text, &e));
         let mut root = DeTable::parse(text).map_err(wrong)?;
         let [leaves, views] = ["leaf", "view"].map(|header| StatedTable::all((path, text), root.get_mut(), header));
         let [sun, sky] = ["sun", "sky"].map(|header| StatedTable::one((path, text), root.get_mut(), header));
