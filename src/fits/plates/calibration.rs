@@ -151,8 +151,8 @@ fn suspects(judged: &[PlateJudged], population: &PlatePopulation) -> Vec<String>
 }
 
 /// A content may be off in the same direction in all species, because readings and contents pull at the coefficients
-/// together. Returns what it is to be multiplied by: the mean over species of measured by found, in unseen leaves, where
-/// that differs from 1 by more than chance.
+/// together. Returns what it is to be multiplied by: the mean over species of measured by found, in unseen leaves,
+/// where that differs from 1 by more than chance.
 fn unit(k: usize, judged: &[PlateJudged], population: &PlatePopulation) -> f64 {
     let mut species: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
     for (example, answer, _) in judged {
