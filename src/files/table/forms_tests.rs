@@ -1,7 +1,7 @@
 //! Tests of one table in all the forms in which it may be written, through every way of reading it.
 
 use super::*;
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 
 const HEADER: [&str; 3] = ["leaf", "x", "y"];
 /// A name with a separator of each kind in it is quoted in every form.
@@ -101,6 +101,28 @@ fn by_groups(table: InputTable) -> String {
     let all = |_: &str, rows: &[GroupRow], _: &Omissions| OutputRow::ok(vec![rows.iter().map(|r| r.values[0]).sum()]);
     Groups::read(table, &spec(), "leaf").unwrap().run(&TableOutput::csv(&out), &spec(), all).unwrap();
     std::fs::read_to_string(out).unwrap()
+}
+
+/// A table that gzip packed, in one piece or in several, is the table; one that ends in the middle is refused by name.
+#[test]
+fn a_packed_table_is_unpacked() {
+    let packed = |text: &str| {
+        let mut to = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+        to.write_all(text.as_bytes()).unwrap();
+        to.finish().unwrap()
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("leaves.csv.gz");
+    let rows: String = (0..5000).map(|k| format!("{k},{}\n", k * k)).collect();
+    for bytes in [packed(&format!("x,y\n{rows}")), [packed("x,y\n"), packed(&rows)].concat()] {
+        std::fs::write(&path, &bytes).unwrap();
+        let answers = by_blocks(InputTable::open(&path).unwrap());
+        assert_eq!(answers.lines().count(), 5001);
+        assert!(answers.contains(&format!("{}", 4999 + 4999 * 4999)));
+        std::fs::write(&path, &bytes[..40]).unwrap();
+        let sentence = InputTable::open(&path).err().unwrap().to_string();
+        assert!(sentence.contains("leaves.csv.gz"), "{sentence}");
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ use super::rows::{LARGEST_BLOCK, RowBlock, TableRows};
 use crate::instrument::{self, InstrumentStatement};
 use crate::{Error, Result};
 use crate::{atomic, progress};
+use flate2::read::MultiGzDecoder;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Cursor, Read};
@@ -48,8 +49,18 @@ const LONGEST_HEAD: usize = 1 << 23;
 /// This many names of a header are shown in a message.
 const SHOWN: usize = 10;
 
+/// What a source holds: where it begins as gzip does, what was packed.
+fn unpacked(mut source: Source) -> io::Result<Source> {
+    let mut head = Vec::new();
+    source.by_ref().take(2).read_to_end(&mut head)?;
+    let packed = head == [0x1f, 0x8b];
+    let whole = Cursor::new(head).chain(source);
+    Ok(if packed { Box::new(MultiGzDecoder::new(whole)) } else { Box::new(whole) })
+}
+
 impl InputTable {
-    /// Opens `path` (`-`: standard input) and reads the header line. A file of an instrument becomes a table first.
+    /// Opens `path` (`-`: standard input) and reads the header line. What gzip packed is unpacked, and a file of an
+    /// instrument becomes a table first.
     ///
     /// # Errors
     /// [`Error::Input`] for a missing file, no header, or a column named twice.
@@ -60,6 +71,7 @@ impl InputTable {
             let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
             (Box::new(file), path.to_path_buf())
         };
+        let source = unpacked(source).map_err(|e| Error::input(&name, atomic::explain(&e)))?;
         let (source, stated) = instrument::through(source, &name)?;
         Ok(InputTable { source: path.to_path_buf(), stated, ..InputTable::from_reader(source, name)? })
     }
