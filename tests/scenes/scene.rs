@@ -2,6 +2,7 @@
 //! slab again.
 
 use crate::blade::{Blade, scene};
+use crate::common::{refused, run, succeeded};
 use crate::skips;
 use mesophyll::files::quantity::Quantity;
 use mesophyll::scene::manifest::SceneManifest;
@@ -150,4 +151,25 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
         rows.iter().any(|(n, _)| n.starts_with("σa")) && rows.iter().any(|(n, v)| n == "texel" && v == "good"),
         "{rows:?}"
     );
+}
+
+/// A fit's folder in place of a scene is drawn from both sides, and the leaf fills the picture and no more.
+#[test]
+fn a_fit_is_drawn_from_both_sides() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    succeeded(&run(["render", "fits/elm", "-o", out.to_str().unwrap(), "--samples", "1", "--bounces", "1"]));
+    for side in ["front", "back"] {
+        let maps = mesophyll::files::image::read_exr(&out.join(format!("{side}.exr"))).unwrap();
+        let green = maps.get("G").unwrap();
+        let sky = green[0];
+        let leaf: Vec<usize> = (0..green.len()).filter(|k| (green[*k] - sky).abs() > 1e-4).collect();
+        let columns = |k: &usize| k % maps.width;
+        let [from, to] = [leaf.iter().map(columns).min().unwrap(), leaf.iter().map(columns).max().unwrap()];
+        assert!(from > 0 && to + 1 < maps.width, "{side}: cut off");
+        assert!(to - from > maps.width / 2, "{side}: {from} to {to} of {}", maps.width);
+    }
+    let branch = run(["render", "fits/elm-twig", "-o", dir.path().join("no").to_str().unwrap()]);
+    refused(&branch, 2, &["fits/elm-twig/fit.toml", "kind", "found a fit of the kind beam", "a leaf's fit"]);
+    assert!(!dir.path().join("no").exists());
 }

@@ -105,10 +105,11 @@ const CAPTURE_NAMES: [&str; 12] = [
 
 /// Endings that tell what a file is, among them those of the files that verbs write. `-o` names a file with one of them
 /// only where the verb writes that ending.
-const ENDINGS: [&str; 33] = [
+const ENDINGS: [&str; 59] = [
     "toml", "exr", "png", "svg", "html", "json", "csv", "glb", "gltf", "obj", "mtl", "wgsl", "h", "mp4", "xml", "pbrt",
     "mtlx", "usda", "ply", "hdr", "jpg", "jpeg", "tif", "tiff", "xlsx", "pdf", "md", "sh", "py", "rs", "c", "ipynb",
-    "zip",
+    "zip", "gz", "tar", "7z", "fbx", "blend", "abc", "stl", "dae", "3ds", "usd", "usdc", "usdz", "gif", "bmp", "webp",
+    "psd", "avi", "mov", "webm", "doc", "docx", "ods", "npy", "npz", "mat", "h5",
 ];
 
 /// Claims `folder` for what a verb makes of `inputs`: creates it if needed, checks that it can be written, and locks it

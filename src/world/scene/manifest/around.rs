@@ -32,8 +32,9 @@ impl SceneManifest {
         }
         let fit = std::path::absolute(fit).map_err(|e| Error::input(fit, e))?;
         let name = fit.file_name().map_or("leaf".into(), |n| n.to_string_lossy().into_owned());
-        // The leaf fills the picture's height (30 degrees), seen from 37 degrees beside its normal.
-        let far = 0.5 * breadth(&record).unwrap_or(100.0) / 15f64.to_radians().sin();
+        // The leaf fills the picture (30 degrees high, 4 : 3), seen from 37 degrees beside its normal.
+        let [width, height] = extent(&record).unwrap_or([100.0; 2]);
+        let far = 1.1 * 0.5 * height.max(0.75 * width) / 15f64.to_radians().tan();
         let (side, up) = (-0.6 * far, 0.8 * far);
         let text = AROUND.replace("NAME", &toml::Value::from(name).to_string());
         let text = text.replace("SIDE", &format!("{side:.3}")).replace("UP", &format!("{up:.3}"));
@@ -41,11 +42,12 @@ impl SceneManifest {
     }
 }
 
-/// The larger edge of a fit's maps, in mm.
-fn breadth(record: &FitRecord) -> Option<f64> {
+/// Width and height of a fit's maps, in mm.
+fn extent(record: &FitRecord) -> Option<[f64; 2]> {
+    let number = |text: &str| text.parse::<f64>().ok().filter(|v| v.is_finite() && *v > 0.0);
     let (width, height) = record.options.get("size")?.split_once('x')?;
-    let texels = width.parse::<f64>().ok()?.max(height.parse().ok()?);
-    Some(texels * record.options.get("texel_mm")?.parse::<f64>().ok()?).filter(|mm| mm.is_finite() && *mm > 0.0)
+    let texel_mm = number(record.options.get("texel_mm")?)?;
+    Some([number(width)? * texel_mm, number(height)? * texel_mm])
 }
 
 /// The scene around a fit.
