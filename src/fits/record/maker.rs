@@ -16,7 +16,7 @@ use mesophyll_files::{atomic, hash, progress};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
 
 /// How a fit of a folder ended.
@@ -49,6 +49,8 @@ pub struct FitMaker {
     shared: bool,
     /// The folder's lock. [`make`] has it too, so that it ends last of all, and stays with a thread that was left.
     claim: Arc<OnceLock<FolderClaim>>,
+    /// Held while the folder is claimed or marked. A stop in the middle waits for the rest, so that it can be taken back.
+    claiming: Arc<Mutex<()>>,
 }
 
 /// Hash of everything that decides a fit: what it is made from, by name, and the program's version.
@@ -69,7 +71,7 @@ pub fn make<T: Send + 'static>(
 ) -> Result<T> {
     let clock = Instant::now();
     let new: Vec<PathBuf> = out.ancestors().take_while(|f| !f.exists()).map(Path::to_path_buf).collect();
-    let (parts, claim) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
+    let (parts, claim, claiming) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()), Arc::new(Mutex::new(())));
     let mut maker = FitMaker {
         kind,
         out: out.to_path_buf(),
@@ -80,8 +82,11 @@ pub fn make<T: Send + 'static>(
         parts: parts.clone(),
         shared: false,
         claim: claim.clone(),
+        claiming: claiming.clone(),
     };
-    let made = match progress::left_when_stopped(move || fit(&mut maker))? {
+    let done = progress::left_when_stopped(move || fit(&mut maker))?;
+    let _turn = claiming.lock();
+    let made = match done {
         None | Some(Err(Error::Interrupted(_))) => Err(stopped(out, parts.get())),
         Some(made) => made,
     };
@@ -128,6 +133,8 @@ impl FitMaker {
         self.input_hash = input_hash;
         let inputs: Vec<&Path> = self.inputs.iter().map(PathBuf::as_path).collect();
         let with = if self.shared { claim::ClaimMode::Shared } else { claim::ClaimMode::Alone };
+        let _turn = self.claiming.lock();
+        progress::go_on()?;
         let claim = claim::folder_for(&self.out, OutputKind::Fit(self.kind.name()), &inputs, with)?;
         // Nobody has set it before: a second claim would have been refused.
         let _ = self.claim.set(claim);
@@ -224,6 +231,7 @@ impl FitMaker {
     /// # Errors
     /// A folder that cannot be written.
     pub fn begin(&self) -> Result<&Path> {
+        let _turn = self.claiming.lock();
         progress::go_on()?;
         claim::begin(&self.out, OutputKind::Fit(self.kind.name()))?;
         Ok(&self.out)
