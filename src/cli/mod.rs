@@ -4,7 +4,7 @@
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use mesophyll_base::processor::{self, InstructionSet};
-use mesophyll_files::progress;
+use mesophyll_files::{memory as memory_limit, progress};
 use std::process::ExitCode;
 
 mod batch;
@@ -153,7 +153,7 @@ fn quiet_display_libraries() {
 #[cfg(not(all(unix, feature = "render")))]
 fn quiet_display_libraries() {}
 
-/// Parses the command line, runs the verb, prints an error once, returns the exit code.
+/// Parses the command line, runs the verb, prints an error once.
 pub fn main() -> ExitCode {
     let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
@@ -192,7 +192,12 @@ fn exit_code(e: &Error) -> u8 {
 
 /// Starts the worker threads, so that a want of memory is said before any of them is needed.
 fn workers(common: &CommonArgs) -> Result<()> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(common.threads.map_or(0, usize::from));
+    // The standard library ends with a panic where the last memory goes into a thread; so it is looked for before.
+    let threads = common.threads.unwrap_or_default();
+    if memory_limit::left_of_limit().is_some_and(|left| left < u64::from(threads) << 21) {
+        return Err(progress::no_thread(&format!("{threads} threads have stacks of 2 MiB each")));
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
     pool.build_global().map_err(|e| progress::no_thread(&e))
 }
 
@@ -267,7 +272,7 @@ pub fn print_json<T: serde::Serialize>(value: &T) -> Result<()> {
     print(&format!("{text}\n"))
 }
 
-/// What the verbs are for, in the order of the help. A verb stands in one group.
+/// What the verbs are for, in the order of the help: a verb stands in one group.
 const GROUPS: [(&str, &[&str]); 6] = [
     ("Measure", &["inspect", "synth"]),
     ("Fit", &["run", "plan", "fit", "eval"]),
@@ -280,10 +285,9 @@ const GROUPS: [(&str, &[&str]); 6] = [
 /// The command line as clap knows it. Its help lists the verbs in groups.
 pub fn command() -> clap::Command {
     let command = Cli::command();
-    let about = |verb: &str| match command.find_subcommand(verb) {
-        Some(verb) => verb.get_about().map(ToString::to_string).unwrap_or_default(),
-        None => "Print this message, or the help of a verb".into(),
-    };
+    let here = "Print this message, or the help of a verb";
+    let verb = |verb: &str| command.find_subcommand(verb)?.get_about().map(ToString::to_string);
+    let about = |name: &str| verb(name).unwrap_or_else(|| here.into());
     let mut text = String::from("{about-with-newline}\n{usage-heading} {usage}\n");
     for (group, verbs) in GROUPS {
         text += &format!("\n{group}:\n");

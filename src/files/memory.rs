@@ -7,15 +7,7 @@ use std::fs::read_to_string;
 /// leaves (`ulimit -v`), or what a container's limit leaves, whichever is least. `None` where the system does not say
 /// (only Linux does).
 pub fn available() -> Option<u64> {
-    let kibibytes = |text: &str, name: &str| -> Option<u64> {
-        let line = text.lines().find_map(|l| l.strip_prefix(name))?;
-        Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
-    };
     let free = kibibytes(&read_to_string("/proc/meminfo").ok()?, "MemAvailable:")?;
-    let own = limit().and_then(|most| {
-        let used = kibibytes(&read_to_string("/proc/self/status").ok()?, "VmSize:")?;
-        Some(most.saturating_sub(used))
-    });
     let of_container = |name: &str| read_to_string(format!("/sys/fs/cgroup/memory.{name}")).ok();
     let number = |name: &str| of_container(name)?.trim().parse::<u64>().ok();
     let container = number("max").zip(number("current")).map(|(most, used)| {
@@ -24,7 +16,19 @@ pub fn available() -> Option<u64> {
         let file = stat.lines().find_map(|l| l.strip_prefix("file ")?.trim().parse::<u64>().ok()).unwrap_or(0);
         most.saturating_sub(used.saturating_sub(file))
     });
-    [own, container].into_iter().flatten().chain([free]).min()
+    [left_of_limit(), container].into_iter().flatten().chain([free]).min()
+}
+
+/// A number of KiB in a text of the system, in bytes.
+fn kibibytes(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find_map(|l| l.strip_prefix(name))?;
+    Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
+}
+
+/// What the program's own limit leaves of its address space (bytes), where there is one.
+pub fn left_of_limit() -> Option<u64> {
+    let used = kibibytes(&read_to_string("/proc/self/status").ok()?, "VmSize:")?;
+    Some(limit()?.saturating_sub(used))
 }
 
 /// The limit of the program's address space in bytes (`ulimit -v`), where there is one.

@@ -49,7 +49,7 @@ pub struct FitMaker {
     shared: bool,
     /// The folder's lock. [`make`] has it too, so that it ends last of all, and stays with a thread that was left.
     claim: Arc<OnceLock<FolderClaim>>,
-    /// Held while the folder is claimed or marked. A stop in the middle waits for the rest, so that it can be taken back.
+    /// Held while the folder is claimed or marked. A stop waits for the end of that, so that it can be taken back.
     claiming: Arc<Mutex<()>>,
 }
 

@@ -32,9 +32,10 @@ impl SceneManifest {
         }
         let fit = std::path::absolute(fit).map_err(|e| Error::input(fit, e))?;
         let name = fit.file_name().map_or("leaf".into(), |n| n.to_string_lossy().into_owned());
-        // The leaf fills the picture (30 degrees high, 4 : 3), seen from 37 degrees beside its normal.
+        // The leaf fills a circle of 30 degrees, seen from 37 degrees beside its normal: pictures and windows of any
+        // shape hold it.
         let [width, height] = extent(&record).unwrap_or([100.0; 2]);
-        let far = 1.1 * 0.5 * height.max(0.75 * width) / 15f64.to_radians().tan();
+        let far = 0.5 * height.max(width) / 15f64.to_radians().sin();
         let (side, up) = (-0.6 * far, 0.8 * far);
         let text = AROUND.replace("NAME", &toml::Value::from(name).to_string());
         let text = text.replace("SIDE", &format!("{side:.3}")).replace("UP", &format!("{up:.3}"));
