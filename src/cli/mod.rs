@@ -4,7 +4,7 @@
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use mesophyll_base::processor::{self, InstructionSet};
-use mesophyll_files::{memory as memory_limit, progress};
+use mesophyll_files::{memory::left_of_limit, progress};
 use std::process::ExitCode;
 
 mod batch;
@@ -194,7 +194,7 @@ fn exit_code(e: &Error) -> u8 {
 fn workers(common: &CommonArgs) -> Result<()> {
     // The standard library ends with a panic where the last memory goes into a thread; so it is looked for before.
     let threads = common.threads.unwrap_or_default();
-    if memory_limit::left_of_limit().is_some_and(|left| left < u64::from(threads) << 21) {
+    if left_of_limit().is_some_and(|left| left < u64::from(threads) << 21) {
         return Err(progress::no_thread(&format!("{threads} threads have stacks of 2 MiB each")));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));

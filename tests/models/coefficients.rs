@@ -93,6 +93,32 @@ fn coefficients_are_trained_and_used() {
     std::fs::write(dir.path().join("far.csv"), "leaf,R3000,T3000\na,0.1,0.1\n").unwrap();
     let (good, _, said) = run(&[&fit[..], &["far.csv"]].concat(), dir.path());
     assert!(!good && said.contains("a reading is at 3000 nm; the coefficients have 400 to 2500 nm"), "{said}");
+    // A reading that is not used is said in both forms.
+    std::fs::write(dir.path().join("further.csv"), long + "a,3000,0.1,0.1,\n").unwrap();
+    let (good, _, said) = run(&[&fit[..], &["further.csv"]].concat(), dir.path());
+    assert!(good && said.contains("1 reading outside 400 to 2500 nm"), "{said}");
+}
+
+#[test]
+fn a_table_of_training_is_not_overwritten_and_lower_sides_are_left_out_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("leaves.csv");
+    let table = leaves();
+    std::fs::write(&path, &table).unwrap();
+    let (good, _, said) = run(&["fit", "coefficients", "--in", "leaves.csv", "-o", "leaves.csv"], dir.path());
+    assert!(!good && said.contains("leaves.csv is what is to be read"), "{said}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), table);
+    let sided = |side: &str| -> String {
+        let cell = |k: usize| if k == 0 { "side" } else { side };
+        table.lines().enumerate().map(|(k, line)| format!("{line},{}\n", cell(k))).collect()
+    };
+    for (side, want) in [("abaxial", "a leaf lit from below"), ("top", "side is \"top\"; expected adaxial or abaxial")]
+    {
+        std::fs::write(&path, sided(side)).unwrap();
+        let (good, _, said) = run(&["fit", "coefficients", "--in", "leaves.csv", "-o", "out.csv"], dir.path());
+        assert!(!good && said.contains(want) && said.contains("it has 0 leaves that can be used"), "{said}");
+        assert!(!dir.path().join("out.csv").exists());
+    }
 }
 
 #[test]

@@ -1,12 +1,14 @@
 //! `mesophyll fit coefficients`: spectra of leaves with measured contents in, specific absorptions and indices out.
 
+use super::foliar::side;
 use super::spectra::{self, ReadingUnit, SpectrumColumn};
 use crate::cli::{CommonArgs, tables};
 use crate::cli::{Error, Result};
 use mesophyll_files::table::{InputTable, Omissions, TableRecord, counted};
-use mesophyll_files::{atomic, progress};
+use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fits::plates::training::{self, PlateExample, PlateTraining};
 use mesophyll_fits::plates::{CONTENTS, calibration, table};
+use mesophyll_optics::side::Side;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +33,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
+    claim::file(&args.output, &["csv"], &[&args.input])?;
     let table = spectra::open(&args.input)?;
     let file = (args.output != Path::new("-")).then(|| atomic::PendingFile::create(&args.output)).transpose()?;
     let name = table.name().to_path_buf();
@@ -96,6 +99,10 @@ fn read(mut table: InputTable, percent: bool) -> Result<PlateTraining> {
     if pairs.is_empty() {
         return Err(spectra::nothing(&table, &found, TAKES));
     }
+    let below = columns.iter().filter(|c| c.is_abaxial()).count();
+    if below > 0 {
+        progress::say(format!("{}: {} of lower sides left out", name.display(), counted(below, "column")));
+    }
     if !pairs.iter().any(|p| p.1[0].is_some()) || !pairs.iter().any(|p| p.1[1].is_some()) {
         return Err(Error::input(&name, "it has only one of reflectance and transmittance; training needs both"));
     }
@@ -104,6 +111,7 @@ fn read(mut table: InputTable, percent: bool) -> Result<PlateTraining> {
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&table, &names, percent)?;
     let places = names.iter().map(|n| table.require(n)).collect::<Result<Vec<_>>>()?;
+    let lit = table.column("side");
     let leaf = spectra::LEAF.into_iter().find_map(|n| table.column(n));
     let mut out = PlateTraining { wavelengths: pairs.iter().map(|p| p.0).collect(), ..PlateTraining::default() };
     let (left, mut record) = (Omissions::default(), TableRecord::default());
@@ -112,6 +120,17 @@ fn read(mut table: InputTable, percent: bool) -> Result<PlateTraining> {
         if let Some(fault) = record.fault(table.header.len()) {
             left.add(line, fault);
             continue;
+        }
+        match lit.map_or(Ok(Side::Front), |place| side(Some(record.shown(place).trim()))) {
+            Ok(Side::Front) => {}
+            Ok(Side::Back) => {
+                left.add(line, "a leaf lit from below; coefficients describe leaves lit from above");
+                continue;
+            }
+            Err(why) => {
+                left.add(line, why);
+                continue;
+            }
         }
         let number = |place: usize| -> std::result::Result<f64, String> {
             table.number(&record, place).map(|x| x.unwrap_or(f64::NAN))

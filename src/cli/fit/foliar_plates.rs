@@ -9,6 +9,7 @@ use mesophyll_files::table::{Batch, GroupRow, InputTable, Omissions, OutputRow, 
 use mesophyll_fits::plates::leaf::PlateReading;
 use mesophyll_fits::plates::{PlateCoefficients, PlateFitModel, table};
 use mesophyll_optics::side::Side;
+use std::path::Path;
 
 const TAKES: &str = "fit foliar takes R and T with a wavelength in nm, such as R450, T450, or spectra in long form: \
                      leaf, wavelength_nm, R, T";
@@ -51,17 +52,17 @@ fn model(args: &Args, coefficients: &PlateCoefficients, mut all: Vec<f64>) -> (P
 ///
 /// # Errors
 /// Where all are.
-fn within(input: &InputTable, coefficients: &PlateCoefficients, all: &[f64]) -> Result<()> {
+fn within(name: &Path, coefficients: &PlateCoefficients, all: &[f64]) -> Result<()> {
     let [low, high] = coefficients.range();
     let outside: Vec<&f64> = all.iter().filter(|w| !(low..=high).contains(*w)).collect();
     if outside.len() == all.len() {
         let first = all.first().map_or_else(String::new, f64::to_string);
         let what =
             format!("a reading is at {first} nm; the coefficients have {low} to {high} nm, and no reading is there");
-        return Err(Error::input(input.name(), what));
+        return Err(Error::input(name, what));
     }
     if !outside.is_empty() {
-        let (file, count) = (input.name().display(), counted(outside.len(), "reading"));
+        let (file, count) = (name.display(), counted(outside.len(), "reading"));
         progress::say(format!("{file}: {count} outside {low} to {high} nm, the table of coefficients, left out"));
     }
     Ok(())
@@ -90,7 +91,7 @@ fn wide(
     if found.readings.is_empty() {
         return Err(spectra::nothing(&input, &found, TAKES));
     }
-    within(&input, coefficients, &found.readings.iter().map(|c| c.wavelength).collect::<Vec<_>>())?;
+    within(input.name(), coefficients, &found.readings.iter().map(|c| c.wavelength).collect::<Vec<_>>())?;
     let [low, high] = coefficients.range();
     let inside = |c: &SpectrumColumn| (low..=high).contains(&c.wavelength);
     let columns: Vec<SpectrumColumn> = found.readings.into_iter().filter(inside).collect();
@@ -159,11 +160,9 @@ fn long(
     let sink = groups.open(&args.io.rows(common.json))?;
     let at = |row: &GroupRow| spectra::in_nm(row.values[0], form.unit_nm);
     let [low, high] = coefficients.range();
-    let all: Vec<f64> = groups.rows().map(at).filter(|w| (low..=high).contains(w)).collect();
-    if all.is_empty() {
-        let what = format!("no reading is within {low} to {high} nm, which the coefficients have");
-        return Err(Error::input(&name, what));
-    }
+    let mut all: Vec<f64> = groups.rows().map(at).collect();
+    within(&name, coefficients, &all)?;
+    all.retain(|w| (low..=high).contains(w));
     let (model, wavelengths) = model(args, coefficients, all);
     let n = columns.len();
     let tally = groups.run_into(sink, &spec, |_, rows, left| {

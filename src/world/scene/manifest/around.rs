@@ -37,8 +37,9 @@ impl SceneManifest {
         let [width, height] = extent(&record).unwrap_or([100.0; 2]);
         let far = 0.5 * height.max(width) / 15f64.to_radians().sin();
         let (side, up) = (-0.6 * far, 0.8 * far);
-        let text = AROUND.replace("NAME", &toml::Value::from(name).to_string());
-        let text = text.replace("SIDE", &format!("{side:.3}")).replace("UP", &format!("{up:.3}"));
+        let text = AROUND.replace("SIDE", &format!("{side:.3}")).replace("UP", &format!("{up:.3}"));
+        // The name comes last, because it may hold any word.
+        let text = text.replace("NAME", &toml::Value::from(name).to_string());
         SceneManifest::parse(&text, &fit.join("fit.toml"))
     }
 }
