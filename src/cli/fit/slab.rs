@@ -1,6 +1,6 @@
 //! `mesophyll fit slab`: ρd, ρt and thickness in, σa and σs out.
 
-use super::slab_columns::{column_names, wavelengths};
+use super::slab_columns::{SlabColumns, column_names, wavelengths};
 use super::slab_pictures::{self, PlottedRow};
 use super::spectra::{self, LEAF, ReadingUnit};
 use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
@@ -8,12 +8,12 @@ use crate::cli::names::named;
 use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use mesophyll_files::table::{Batch, BatchIo, BatchSpec, OutputRow, PhysicalRange, Status, counted};
+use mesophyll_files::table::{Batch, BatchIo, BatchSpec, InputRow, OutputRow, PhysicalRange, Status, counted};
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::{atomic, progress};
-use mesophyll_fits::slab::{self, CoefficientPrior, Options, SlabMeasurement, SpecularPart};
+use mesophyll_fits::slab::{self, Options, SlabMeasurement, SpecularPart};
 use mesophyll_optics::slab::faces::{INDEX, INDEX_EXPECTED};
-use mesophyll_optics::slab::inverse::{InversionPrecision, MORE_THAN_ALL, SlabCoefficient, SlabModel};
+use mesophyll_optics::slab::inverse::{InversionPrecision, MORE_THAN_ALL, SlabModel};
 use mesophyll_report::spectrum;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -145,11 +145,13 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     }
     let wide =
         if !some_known && table.column(&names[0]).is_none() && args.columns.iter().all(|c| !c.starts_with("rho_")) {
-            wavelengths(&table)?
+            wavelengths(&table, &names)?
         } else {
             Vec::new()
         };
-    let shares_are_there = !wide.is_empty() || names[..2].iter().any(|name| table.column(name).is_some());
+    let is_wide = !wide.is_empty();
+    let slabs = if is_wide { wide } else { vec![SlabColumns::new(names.clone(), None)] };
+    let shares_are_there = is_wide || names[..2].iter().any(|name| table.column(name).is_some());
     if shares_are_there && table.column(&names[2]).is_none() && names[2] == INPUTS[2] {
         if let Some(stated) = table.stated() {
             return Err(Error::input(table.name(), stated.lacks(INPUTS[2])));
@@ -164,7 +166,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         outputs: slab::OUTPUTS.iter().map(|s| s.to_string()).collect(),
         ..BatchSpec::default()
     };
-    if wide.is_empty() {
+    if !is_wide {
         // With one coefficient known, one of rho_d and rho_t is enough, in the whole table or in a row.
         for (value, error) in [(5, 7), (6, 8)] {
             if table.column(&names[error]).is_some() {
@@ -187,23 +189,24 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         }
     } else {
         spec.required = vec![names[2].clone()];
-        spec.optional = wide.iter().flat_map(|(_, columns)| columns.clone()).collect();
+        spec.optional = slabs.iter().flat_map(|slab| slab.readings().chain(slab.errors())).cloned().collect();
         spec.dropped = spec.optional.clone();
         spec.readings = spec.optional.clone();
         spec.outputs.insert(0, WAVELENGTH.into());
         spec.whole.push(WAVELENGTH.into());
     }
-    let of_wide = |range: std::ops::Range<usize>| wide.iter().flat_map(move |(_, c)| c[range.clone()].to_vec());
-    let readings: Vec<String> = names[..2].iter().cloned().chain(of_wide(0..2)).collect();
-    let errors = names[3..5].iter().cloned().chain(of_wide(2..4));
+    let readings: Vec<String> = slabs.iter().flat_map(SlabColumns::readings).cloned().collect();
+    let errors: Vec<String> = slabs.iter().flat_map(SlabColumns::errors).cloned().collect();
+    // Where no column has errors, every row with an answer is without. A counter that all threads write costs time.
+    let some_have_errors = errors.iter().any(|name| table.column(name).is_some());
     spec.physical = vec![
         PhysicalRange::shares(readings.clone()),
-        PhysicalRange::not_negative(errors.chain([names[2].clone(), wavelength.clone()]).collect()),
+        PhysicalRange::not_negative([errors, vec![names[2].clone(), wavelength.clone()]].concat()),
     ];
     let shares = ReadingUnit::of(&table, &readings, args.percent)?;
     if let Some(folder) = &args.plots {
         table.require(leaf)?;
-        if wide.is_empty() {
+        if !is_wide {
             table.require(&wavelength)?;
         }
         atomic::probe_folder(folder)?;
@@ -214,12 +217,8 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let scale = unit.unwrap_or(LengthUnit::Millimetre).mm();
     // A column `h` is a plain number in mm, of any slab; a column that names its unit is a leaf's.
     let leaf_like = !(args.any_thickness || column == "h" && args.thickness_unit.is_none());
-    // Where no column has errors, every row with an answer is without. A counter that all threads write costs time.
-    let some_have_errors = if wide.is_empty() {
-        names[3..5].iter().any(|name| table.column(name).is_some())
-    } else {
-        wide.iter().any(|(_, columns)| columns[2..].iter().any(|name| table.column(name).is_some()))
-    };
+    let slabs: Vec<SlabColumns> = slabs.into_iter().map(|slab| slab.within(&spec)).collect();
+    let (at, thickness_at) = (spec.place(&wavelength), spec.place(&column).unwrap_or_default());
     let (without_errors, more_than_all) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let batch = Batch::open(table, &args.io.rows(common.json), &spec)?;
     say_assumptions(args);
@@ -227,76 +226,54 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let model = reflecting.as_ref().unwrap_or(SlabModel::matched());
     let options =
         Options { precision: args.method, noise: args.noise, surface: args.surface, model, specular: args.specular };
+    let answer = |slab: &SlabColumns, row: &InputRow| {
+        let m = slab.read(row)?;
+        let measured = slab.readings().map(String::as_str).zip([m.rho_d, m.rho_t]);
+        if let (Some((empty, _)), None) = (measured.clone().find(|(_, v)| v.is_nan()), m.known) {
+            let enough = if some_known { "; one of rho_d and rho_t is enough only beside a known sigma" } else { "" };
+            return Err(format!("{empty} is empty{enough}"));
+        }
+        if let Some(why) = shares.refuse_each(measured) {
+            return Err(why);
+        }
+        let thickness = m.thickness_mm;
+        let [rho_d, rho_t, rho_d_err, rho_t_err] =
+            [m.rho_d, m.rho_t, m.rho_d_err, m.rho_t_err].map(|v| v * shares.scale);
+        let m = SlabMeasurement { rho_d, rho_t, rho_d_err, rho_t_err, thickness_mm: thickness * scale, ..m };
+        let mut answer = slab::answer(&options, &m);
+        if matches!(&answer.status, Status::Refused(why) if why.starts_with(MORE_THAN_ALL)) {
+            more_than_all.fetch_add(1, Ordering::Relaxed);
+        }
+        if leaf_like && let Some(why) = no_leaf(&column, thickness, unit, &answer.values) {
+            answer.status = doubted(answer.status, &why);
+        } else if loses_light {
+            answer.status = doubted(answer.status, LOST_LIGHT);
+        }
+        if some_have_errors && !m.noise_is_stated(&options) && !answer.values.is_empty() {
+            without_errors.fetch_add(1, Ordering::Relaxed);
+        }
+        if args.plots.is_some() && !answer.values.is_empty() {
+            let leaf = row.text(0).unwrap_or_default().to_string();
+            let wavelength =
+                slab.wavelength.or_else(|| Some(spectra::in_nm(row.get(at?), unit_nm))).unwrap_or(f64::NAN);
+            let point = PlottedRow { number: row.number(), leaf, wavelength, values: answer.values.clone() };
+            found.lock().unwrap_or_else(PoisonError::into_inner).push(point);
+        }
+        Ok(answer)
+    };
     let tally = batch.run(|row, out| {
-        // Where the columns of INPUTS are among the row's.
-        let place = |k: usize| if some_known && k < 3 { [1, 2, 0][k] } else { k };
-        let thickness = row.get(if wide.is_empty() { place(2) } else { 0 });
+        let thickness = row.get(thickness_at);
         if unit.is_none() && thickness > 0.0 && !(LEAVES_MM[0]..=LEAVES_MM[1]).contains(&thickness) {
             out.push(OutputRow::refused(not_in_mm(&column, thickness)));
             return;
         }
-        let fitted = |wavelength: f64, cells: [f64; 4], columns: &[String], known: Option<CoefficientPrior>| {
-            if let Some(why) = shares.refuse_each(columns.iter().map(String::as_str).zip(cells).take(2)) {
-                return OutputRow::refused(why);
+        for slab in &slabs {
+            let OutputRow { mut values, status } = answer(slab, row).unwrap_or_else(OutputRow::refused);
+            if let Some(wavelength) = slab.wavelength {
+                // A row without numbers still says which leaf and wavelength it belongs to.
+                values.resize(slab::OUTPUTS.len(), f64::NAN);
+                values.insert(0, wavelength);
             }
-            let [rho_d, rho_t, rho_d_err, rho_t_err] = cells.map(|v| v * shares.scale);
-            let m = SlabMeasurement { rho_d, rho_t, thickness_mm: thickness * scale, rho_d_err, rho_t_err, known };
-            let mut answer = slab::answer(&options, &m);
-            if matches!(&answer.status, Status::Refused(why) if why.starts_with(MORE_THAN_ALL)) {
-                more_than_all.fetch_add(1, Ordering::Relaxed);
-            }
-            if leaf_like && let Some(why) = no_leaf(&column, thickness, unit, &answer.values) {
-                answer.status = doubted(answer.status, &why);
-            } else if loses_light {
-                answer.status = doubted(answer.status, LOST_LIGHT);
-            }
-            if some_have_errors && !m.noise_is_stated(&options) && !answer.values.is_empty() {
-                without_errors.fetch_add(1, Ordering::Relaxed);
-            }
-            if args.plots.is_some() && !answer.values.is_empty() {
-                let leaf = row.text(0).unwrap_or_default().to_string();
-                let point = PlottedRow { number: row.number(), leaf, wavelength, values: answer.values.clone() };
-                found.lock().unwrap_or_else(PoisonError::into_inner).push(point);
-            }
-            answer
-        };
-        if wide.is_empty() {
-            let wavelength =
-                if args.plots.is_some() { spectra::in_nm(row.get(INPUTS.len()), unit_nm) } else { f64::NAN };
-            let of = |coefficient: SlabCoefficient, k: usize| CoefficientPrior {
-                coefficient,
-                sigma: row.get(k),
-                err: row.get(k + 2),
-            };
-            let given = [of(SlabCoefficient::Absorption, 5), of(SlabCoefficient::Scattering, 6)];
-            out.push(match given.map(|g| !g.sigma.is_nan()) {
-                [true, true] => {
-                    OutputRow::refused(format!("{} and {} are both given; expected one", names[5], names[6]))
-                }
-                [a, s] => {
-                    let known = if a { Some(given[0]) } else { s.then_some(given[1]) };
-                    let cells = [0, 1, 3, 4].map(|k| row.get(place(k)));
-                    match cells[..2].iter().position(|v| v.is_nan()).filter(|_| some_known && known.is_none()) {
-                        Some(empty) => OutputRow::refused(format!(
-                            "{} is empty; one of rho_d and rho_t is enough only beside a known sigma",
-                            names[empty]
-                        )),
-                        None => fitted(wavelength, cells, &names, known),
-                    }
-                }
-            });
-        }
-        for (k, (wavelength, columns)) in wide.iter().enumerate() {
-            let cells: [f64; 4] = std::array::from_fn(|c| row.get(1 + 4 * k + c));
-            let bad = row.faults().find(|(place, _)| (1 + 4 * k..5 + 4 * k).contains(place));
-            let OutputRow { mut values, status } = match (bad, cells[..2].iter().position(|v| v.is_nan())) {
-                (Some((_, why)), _) => OutputRow::refused(why),
-                (None, Some(empty)) => OutputRow::refused(format!("{} is empty", columns[empty])),
-                (None, None) => fitted(*wavelength, cells, columns, None),
-            };
-            // A row without numbers still says which leaf and wavelength it belongs to.
-            values.resize(slab::OUTPUTS.len(), f64::NAN);
-            values.insert(0, *wavelength);
             out.push(OutputRow { values, status });
         }
     })?;

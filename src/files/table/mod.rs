@@ -106,6 +106,13 @@ pub struct BatchSpec {
     pub physical: Vec<PhysicalRange>,
 }
 
+impl BatchSpec {
+    /// The number of a column for [`InputRow::get`].
+    pub fn place(&self, column: &str) -> Option<usize> {
+        self.required.iter().chain(&self.optional).position(|name| name == column)
+    }
+}
+
 /// One input row.
 #[derive(Debug)]
 pub struct InputRow<'a> {
