@@ -32,6 +32,12 @@ impl ImageSize {
         self.position(k).map(|v| v as f64 + 0.5)
     }
 
+    /// The middle of texel `k` from that of the image (mm), where a texel is `texel_mm` wide: x to the right, y up.
+    pub fn place_mm(self, texel_mm: f64, k: usize) -> [f64; 2] {
+        let [i, j] = self.position(k).map(|v| v as f64);
+        [(i + 0.5 - self.width as f64 / 2.0) * texel_mm, (self.height as f64 / 2.0 - j - 0.5) * texel_mm]
+    }
+
     /// Which texel is at this column and row, if one is. Numbers with a sign may lie left of the image or above it.
     pub fn texel<N: TryInto<usize>>(self, at: [N; 2]) -> Option<usize> {
         let [Ok(column), Ok(row)] = at.map(TryInto::<usize>::try_into) else { return None };
@@ -122,6 +128,7 @@ mod tests {
     fn texels_are_found_by_column_and_row() {
         let size = ImageSize::new(3, 2);
         assert_eq!((size.texels(), size.middle(5)), (6, [2.5, 1.5]));
+        assert_eq!((size.place_mm(0.5, 0), size.place_mm(0.5, 5)), ([-0.5, 0.25], [0.5, -0.25]));
         let mut image = Image::of(size, |k| size.position(k)[0] + 10 * size.position(k)[1]);
         assert_eq!((image.get([2, 1]), image.get([3, 0]), image.get([0, 2])), (Some(&12), None, None));
         assert_eq!((image.get([-1, 1]), image.get([1, -1])), (None, None));

@@ -1,6 +1,7 @@
 //! Maps on disk: OpenEXR with named float channels (the truth) and 8-bit PNG (the preview).
 
 use crate::atomic::{self, PendingFile};
+use crate::quantity::RGB;
 use crate::{Error, Result, guard, memory};
 use exr::block::reader::ChunksReader;
 use exr::meta::header::Header;
@@ -8,6 +9,7 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder, SampleType, SmallVec,
     WritableImage,
 };
+use mesophyll_base::rgb::Rgb;
 use std::fs::File;
 use std::io::{BufReader, Write};
 use std::ops::Range;
@@ -73,6 +75,16 @@ impl ChannelMaps {
     pub fn push(&mut self, name: impl Into<String>, samples: Vec<f32>) {
         debug_assert_eq!(samples.len(), self.width * self.height);
         self.channels.push((name.into(), samples));
+    }
+
+    /// Adds the channels `R`, `G` and `B` of an image.
+    pub fn push_rgb(&mut self, pixels: &[Rgb<f32>]) {
+        RGB.iter().enumerate().for_each(|(c, name)| self.push(*name, pixels.iter().map(|v| v[c]).collect()));
+    }
+
+    /// The first three channels, texel by texel.
+    pub fn rgb(&self) -> Vec<Rgb<f32>> {
+        (0..self.width * self.height).map(|k| Rgb::of(|c| self.channels[c].1[k])).collect()
     }
 
     /// The samples of a channel; `None` where there is none of that name.

@@ -7,15 +7,16 @@
 //! and all light that reaches the far side leaves. For a patch the leaf is grown wider than the picture, so that light
 //! comes in over its border.
 
-use crate::leaf::{FieldWindow, SyntheticLeaf, texel_size};
+use crate::Result;
+use crate::leaf::{FieldWindow, SyntheticLeaf, crop, texel_size};
 use crate::preview;
-use crate::scan::stop_if_asked;
+use crate::scan::{finish, stop_if_asked};
+use crate::sensor::Sensor;
 use crate::spec::{InteriorModel, LeafSpec};
-use crate::{Error, Result};
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::random::RandomStream;
 use mesophyll_capture::beams::manifest::{BeamPhotograph, BeamsManifest};
 use mesophyll_capture::kind::CaptureKind;
-use mesophyll_files::atomic;
 use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_optics::dipole::Tissue;
@@ -98,17 +99,18 @@ pub struct WideLeaf {
 
 /// Grows the leaf; `None` where not one texel of the picture lies on it, or where the leaf is not a slab.
 pub fn grow(spec: &LeafSpec, options: &Options) -> Option<WideLeaf> {
-    let (w, h) = (options.width, options.height);
+    let size = ImageSize::new(options.width, options.height);
     let (window, around) = match options.patch {
-        Some((size, centre_mm)) => {
-            let texel_mm = size / w as f64;
+        Some((wide_mm, centre_mm)) => {
+            let texel_mm = wide_mm / size.width as f64;
             (FieldWindow { centre_mm, texel_mm }, (AROUND * spec.thickness_mm / texel_mm).ceil() as usize)
         }
-        None => (FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
+        None => (FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, size) }, 0),
     };
-    let leaf = SyntheticLeaf::grow_in(spec, options.model, (w + 2 * around, h + 2 * around), window)?;
+    let grown = ImageSize::new(size.width + 2 * around, size.height + 2 * around);
+    let leaf = SyntheticLeaf::grow_in(spec, options.model, grown, window)?;
     let grown = WideLeaf { leaf, around };
-    if grown.leaf.front.sigma_a.is_empty() {
+    if grown.leaf.model == InteriorModel::Foliar {
         return None;
     }
     grown.crop(&grown.leaf.mask).contains(&true).then_some(grown)
@@ -116,13 +118,8 @@ pub fn grow(spec: &LeafSpec, options: &Options) -> Option<WideLeaf> {
 
 impl WideLeaf {
     /// The picture's part of a map.
-    pub fn crop<T: Clone>(&self, map: &[T]) -> Vec<T> {
-        let (wide, a) = (self.leaf.width, self.around);
-        map.chunks(wide)
-            .skip(a)
-            .take(self.leaf.height - 2 * a)
-            .flat_map(|row| row[a..wide - a].iter().cloned())
-            .collect()
+    pub fn crop<T: Copy>(&self, map: &[T]) -> Vec<T> {
+        crop(map, self.leaf.size.width, self.around)
     }
 
     /// Exact values of a photograph, in the lit side's columns, a channel each.
@@ -131,13 +128,13 @@ impl WideLeaf {
     /// A tissue that no kernel can be made of.
     pub fn shown(&self, beam: &BeamPhotograph) -> Result<[Vec<f64>; 3]> {
         let leaf = &self.leaf;
-        let (side, mask) = (leaf.side(beam.lit), leaf.mask_of(beam.lit));
-        let (w, h) = (leaf.width, leaf.height);
+        let (side, mask) = (&leaf.sides[beam.lit], leaf.mask_of(beam.lit));
+        let ImageSize { width: w, height: h } = leaf.size;
+        let on = || side.iter().zip(&mask);
         let normal: Vec<[f64; 3]> =
-            side.normal.iter().zip(&mask).map(|(n, m)| if *m { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
+            on().map(|(t, m)| if *m { t.normal.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
         let height = relief::integrate(&normal, &mask, w, h, leaf.texel_mm).height;
-        let thickness: Vec<f64> =
-            side.thickness.iter().zip(&mask).map(|(d, m)| if *m { f64::from(*d) } else { 0.0 }).collect();
+        let thickness: Vec<f64> = on().map(|(t, m)| if *m { f64::from(t.thickness) } else { 0.0 }).collect();
         // A slope has more area than its texel, so it receives n·ω/n_z.
         let entry = normal.iter().map(|n| (1.0 / n[2]).min(STEEPEST)).collect();
         let surface = SurfaceMaps { height, normal, entry };
@@ -153,8 +150,8 @@ impl WideLeaf {
         let light = irradiance(&lit, &Horizon::new(&lit), beam.direction(), Visibility::Hard);
         let mut out: [Vec<f64>; 3] = Default::default();
         for (c, out) in out.iter_mut().enumerate() {
-            let sigma_a: Vec<f64> = side.sigma_a.iter().map(|s| f64::from(s[c])).collect();
-            let reduced = side.sigma_s.iter().zip(&mask).find(|(_, m)| **m).map_or(0.0, |(s, _)| f64::from(s[c]));
+            let sigma_a: Vec<f64> = side.iter().map(|t| f64::from(t.sigma_a[c])).collect();
+            let reduced = on().find(|(_, m)| **m).map_or(0.0, |(t, _)| f64::from(t.sigma_s[c]));
             *out = self.crop(&through(
                 &light,
                 &thickness,
@@ -263,19 +260,13 @@ fn through(
 pub fn capture(spec: &LeafSpec, grown: &WideLeaf, options: &Options, folder: &Path) -> Result<BeamsManifest> {
     let (w, h) = (options.width, options.height);
     let floor = if options.noise > 0.0 { spec.device.noise_floor } else { 0.0 };
+    let sensor = Sensor { relative: options.noise, floor, full_scale: spec.device.full_scale };
     let bar = TaskProgress::new("photographing", options.beams.len() as u64);
     for (k, beam) in options.beams.iter().enumerate() {
         stop_if_asked(folder)?;
         let mut shown = grown.shown(beam)?;
         for (c, channel) in shown.iter_mut().enumerate() {
-            let mut stream = RandomStream::new(options.seed, &[31, k as u64, c as u64]);
-            if options.noise > 0.0 {
-                for pair in channel.chunks_mut(2) {
-                    pair.iter_mut()
-                        .zip(stream.normal_pair())
-                        .for_each(|(v, n)| *v += n * (options.noise * *v).hypot(floor));
-                }
-            }
+            sensor.disturb(channel, RandomStream::new(options.seed, &[31, k as u64, c as u64]));
         }
         // As the unlit side's camera sees it; off the leaf there are no readings.
         let mask = grown.crop(&grown.leaf.mask_of(beam.lit));
@@ -308,7 +299,5 @@ pub fn capture(spec: &LeafSpec, grown: &WideLeaf, options: &Options, folder: &Pa
         noise_floor: Some(floor),
         beams: options.beams.clone(),
     };
-    let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
-    atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
-    Ok(manifest)
+    finish(folder, manifest)
 }

@@ -6,11 +6,12 @@
 
 use super::slab_truth::ChebyshevAxis;
 use crate::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::pigments;
 use mesophyll_optics::foliar::exact::{self, LeafOperator};
 use mesophyll_optics::foliar::pigments::{LeafContents, OpticalConstants};
 use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness};
-use mesophyll_optics::side::Side;
+use mesophyll_optics::side::{Side, Sides};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -161,7 +162,7 @@ impl FoliarSpec {
         per_area[0] = f64::from(chlorophyll);
         per_area[1] = f64::from(carotenoid);
         let contents = LeafContents { per_area, scale: 1.0 };
-        let depth = [0, 1, 2].map(|c| self.constants.get(c).map_or(0.0, |constants| constants.depth(&contents)));
+        let depth = Rgb::of(|c| self.constants.get(c).map_or(0.0, |constants| constants.depth(&contents)));
         Held { chlorophyll, carotenoid, depth }
     }
 
@@ -183,7 +184,7 @@ impl FoliarSpec {
 pub(super) struct Held {
     pub chlorophyll: f32,
     pub carotenoid: f32,
-    pub depth: [f64; 3],
+    pub depth: Rgb,
 }
 
 /// The lights: for both sides along the normal, and at the cosine of the light box's camera.
@@ -203,15 +204,16 @@ pub(super) struct Seen {
     pub through: f64,
 }
 
-/// Both sides, front (the upper side) first.
-fn seen(prepared: &LeafOperator, depth: f64, lights: &[(Side, f64); 4]) -> [Seen; 2] {
+/// Both sides; the front is the upper one.
+fn seen(prepared: &LeafOperator, depth: f64, lights: &[(Side, f64); 4]) -> Sides<Seen> {
     let solved = prepared.solve(depth);
     let found = lights.map(|(side, at)| solved.response(side, at));
-    [0, 1].map(|k| Seen {
+    let of = |k: usize| Seen {
         rho_d: found[k].reflectance - prepared.leaf().surface_reflectance(0.0),
         rho_t: found[k].transmittance,
         through: found[k + 2].transmittance,
-    })
+    };
+    Sides { front: of(0), back: of(1) }
 }
 
 /// Number of nodes over √(d/(d + [`BEND`])), where d is the absorption of one crossing. With slant paths R and T behave
@@ -226,13 +228,13 @@ fn bent(depth: f64) -> f64 {
 /// Both sides of a channel over the absorption of one crossing.
 pub(super) struct Table {
     axis: ChebyshevAxis,
-    values: Vec<[Seen; 2]>,
+    values: Vec<Sides<Seen>>,
 }
 
 impl Table {
-    pub fn at(&self, depth: f64) -> [Seen; 2] {
+    pub fn at(&self, depth: f64) -> Sides<Seen> {
         let weights = self.axis.at(bent(depth));
-        [0, 1].map(|side| {
+        Sides::of(|side| {
             let sum = |of: fn(&Seen) -> f64| weights.iter().zip(&self.values).map(|(w, v)| w * of(&v[side])).sum();
             // Interpolation may give less than 0 where almost nothing comes through.
             let share = |of| f64::max(sum(of), 0.0);
@@ -279,15 +281,13 @@ mod tests {
                 let lights = [(Side::Front, 0.0), (Side::Back, 0.0), (Side::Back, 40f64.to_radians())];
                 let want = exact::responses(&leaf, &lights).unwrap();
                 let got = table.at(depth);
-                for k in 0..2 {
-                    let lost = [
-                        got[k].rho_d + leaf.surface_reflectance(0.0) - want[k].reflectance,
-                        got[k].rho_t - want[k].transmittance,
-                    ];
-                    println!("{path:?} {depth} {k}: {lost:?}");
-                    assert!(lost.iter().all(|e| e.abs() < *tabulated), "{path:?} {depth} {k}: {lost:?}");
+                for ((side, got), want) in got.iter().zip(&want) {
+                    let lost =
+                        [got.rho_d + leaf.surface_reflectance(0.0) - want.reflectance, got.rho_t - want.transmittance];
+                    println!("{path:?} {depth} {side}: {lost:?}");
+                    assert!(lost.iter().all(|e| e.abs() < *tabulated), "{path:?} {depth} {side}: {lost:?}");
                 }
-                assert!((got[1].through - want[2].transmittance).abs() < *tabulated);
+                assert!((got.back.through - want[2].transmittance).abs() < *tabulated);
             }
         }
     }

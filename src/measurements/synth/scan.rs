@@ -3,13 +3,15 @@
 //! last: a folder without it is not yet a capture.
 
 use super::illumination::TubeDevice;
-use super::leaf::{SyntheticLeaf, SyntheticSide};
+use super::leaf::{SyntheticLeaf, SyntheticTexel};
 use super::preview;
 use super::sensor::{EXPOSURES, Sensor};
 use super::spec::{InteriorModel, LeafSpec};
 use crate::{Error, Result};
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::random::RandomStream;
-use mesophyll_capture::manifest::{self, LightBox, TubeManifest, TubePass, texel_position};
+use mesophyll_base::rgb::Rgb;
+use mesophyll_capture::manifest::{self, LightBox, TubeManifest, TubePass};
 use mesophyll_files::atomic;
 use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::progress::{TaskProgress, stop_requested};
@@ -55,7 +57,7 @@ pub fn scan(spec: &LeafSpec, leaf: &SyntheticLeaf, options: &Options, folder: &P
     let device = &spec.device;
     let sensor = Sensor { relative: options.noise, floor: device.noise_floor, full_scale: device.full_scale };
     let camera = Camera { spec, seed: options.seed };
-    let white_size = white_size(leaf.width, leaf.height);
+    let white_size = white_size(leaf.size);
     let frames: usize = manifest.passes.iter().map(|p| p.positions().len()).sum();
     let bar = TaskProgress::new("scanning", (2 * frames) as u64);
 
@@ -69,21 +71,32 @@ pub fn scan(spec: &LeafSpec, leaf: &SyntheticLeaf, options: &Options, folder: &P
                 let path = manifest::frame_path(folder, side, pass.name, k);
                 let place = [1 + side as u64, p as u64, k as u64];
                 let raw = options.raw_exposures.then(|| path.with_extension(""));
-                write_frame(&path, image, (leaf.width, leaf.height), sensor, options.seed, place, raw)?;
+                write_frame(&path, image, leaf.size, sensor, options.seed, place, raw)?;
                 bar.advance(1);
             }
         }
     }
     references(&manifest, leaf, &camera, sensor.averaging(SHOTS), white_size, folder)?;
-    let mut mask = ChannelMaps::new(leaf.width, leaf.height);
-    mask.push("Y", leaf.mask.iter().map(|&m| f32::from(u8::from(m))).collect());
-    write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)?;
+    write_mask(folder, leaf)?;
     for side in Side::ALL {
         write_exr(&mesophyll_capture::truth_path(folder, side), &leaf.truth(side), Packing::Zip)?;
         preview::write(folder, leaf, side)?;
     }
-    let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
-    atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
+    finish(folder, manifest)
+}
+
+/// Writes the leaf's mask.
+pub(crate) fn write_mask(folder: &Path, leaf: &SyntheticLeaf) -> Result<()> {
+    let mut mask = ChannelMaps::new(leaf.size.width, leaf.size.height);
+    mask.push("Y", leaf.mask.iter().map(|&m| f32::from(u8::from(m))).collect());
+    write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)
+}
+
+/// Writes `capture.toml`, by which a folder becomes a capture.
+pub(crate) fn finish<M: serde::Serialize>(folder: &Path, manifest: M) -> Result<M> {
+    let path = folder.join("capture.toml");
+    let text = toml::to_string(&manifest).map_err(|e| Error::write(&path, e))?;
+    atomic::write_bytes(&path, text.as_bytes())?;
     Ok(manifest)
 }
 
@@ -107,8 +120,8 @@ fn manifest_of(spec: &LeafSpec, leaf: &SyntheticLeaf, options: &Options) -> Tube
     TubeManifest {
         schema: 1,
         name: spec.name.clone(),
-        width: leaf.width,
-        height: leaf.height,
+        width: leaf.size.width,
+        height: leaf.size.height,
         texel_mm: leaf.texel_mm,
         thickness_mm: spec.thickness_mm,
         thickness_err_mm: None,
@@ -125,28 +138,28 @@ fn manifest_of(spec: &LeafSpec, leaf: &SyntheticLeaf, options: &Options) -> Tube
 
 /// A quarter of the leaf's frames in each direction, but not so small that interpolating the vignette between its
 /// texels would show.
-fn white_size(width: usize, height: usize) -> (usize, usize) {
-    ((width / 4).max(width.min(180)), (height / 4).max(height.min(135)))
+fn white_size(of: ImageSize) -> ImageSize {
+    ImageSize::new((of.width / 4).max(of.width.min(180)), (of.height / 4).max(of.height.min(135)))
 }
 
 /// One side as the scan needs it.
 struct View<'a> {
     leaf: &'a SyntheticLeaf,
-    side: &'a SyntheticSide,
+    side: &'a [SyntheticTexel],
     mask: Vec<bool>,
 }
 
 impl<'a> View<'a> {
     fn new(leaf: &'a SyntheticLeaf, side: Side) -> Self {
-        View { leaf, side: leaf.side(side), mask: leaf.mask_of(side) }
+        View { leaf, side: &leaf.sides[side], mask: leaf.mask_of(side) }
     }
 }
 
 /// Sensitivity at a place of the field (mm), a channel each. It falls off quadratically towards the corners.
-pub fn gain(spec: &LeafSpec, p: [f64; 2]) -> [f64; 3] {
+pub fn gain(spec: &LeafSpec, p: [f64; 2]) -> Rgb {
     let half = spec.field_mm.map(|f| 0.5 * f);
     let r2 = ((p[0] / half[0]).powi(2) + (p[1] / half[1]).powi(2)) * 0.5;
-    spec.device.gain.map(|g| g * (1.0 - spec.device.vignette * r2))
+    Rgb(spec.device.gain) * (1.0 - spec.device.vignette * r2)
 }
 
 struct Camera<'a> {
@@ -155,57 +168,49 @@ struct Camera<'a> {
 }
 
 impl Camera<'_> {
-    fn gain(&self, p: [f64; 2]) -> [f64; 3] {
+    fn gain(&self, p: [f64; 2]) -> Rgb {
         gain(self.spec, p)
     }
 
     /// Noise-free values of a frame, dark level included: row-major, RGB.
-    fn frame(&self, view: &View, tube: &TubeDevice, travel: Travel, position: f64) -> Vec<[f64; 3]> {
+    fn frame(&self, view: &View, tube: &TubeDevice, travel: Travel, position: f64) -> Vec<Rgb> {
         let leaf = view.leaf;
-        let (w, h, dark) = (leaf.width, leaf.height, self.spec.device.dark);
-        let across = |i: usize, j: usize| texel_position(w, h, leaf.texel_mm, i, j);
+        let (ImageSize { width: w, height: h }, dark) = (leaf.size, self.spec.device.dark);
+        let across = |k: usize| leaf.size.place_mm(leaf.texel_mm, k);
         // What the tube looks like depends only on the place along its travel: a column (pass x) or a row (pass y).
         let columns: Vec<_> = match travel {
-            Travel::X => (0..w).map(|i| tube.seen(position, across(i, 0)[0])).collect(),
-            Travel::Y => (0..h).map(|j| tube.seen(position, across(0, j)[1])).collect(),
+            Travel::X => (0..w).map(|i| tube.seen(position, across(i)[0])).collect(),
+            Travel::Y => (0..h).map(|j| tube.seen(position, across(j * w)[1])).collect(),
         };
-        let mut image = vec![[dark; 3]; w * h];
+        let mut image = vec![Rgb::splat(dark); w * h];
         image.par_chunks_mut(w).enumerate().for_each(|(j, row)| {
             for (i, value) in row.iter_mut().enumerate() {
                 let k = j * w + i;
                 if !view.mask[k] {
                     continue;
                 }
-                let [x, y] = across(i, j);
+                let [x, y] = across(k);
                 let (seen, along) = if travel == Travel::X { (&columns[i], y) } else { (&columns[j], x) };
-                let m = view.side.rho_s[k].iter().any(|r| *r > 0.0).then(|| f64::from(view.side.m[k]));
-                let shown = tube.shown(seen, along, view.side.normal[k].map(f64::from), m, leaf.lobe);
-                let gain = self.gain([x, y]);
-                for c in 0..3 {
-                    let (d, s) = (f64::from(view.side.rho_d[k][c]), f64::from(view.side.rho_s[k][c]));
-                    value[c] = dark + gain[c] * (d * shown.diffuse + s * shown.gloss);
-                }
+                let t = &view.side[k];
+                let m = (t.rho_s > 0.0).then(|| f64::from(t.m));
+                let shown = tube.shown(seen, along, t.normal.map(f64::from), m, leaf.lobe);
+                let light = t.rho_d.map(|d| f64::from(d) * shown.diffuse + f64::from(t.rho_s) * shown.gloss);
+                *value = self.gain([x, y]) * light + dark;
             }
         });
         image
     }
 
     /// Noise-free values of the white sheet, which covers the same field with fewer texels.
-    fn white(
-        &self,
-        tube: &TubeDevice,
-        travel: Travel,
-        position: f64,
-        (w, h): (usize, usize),
-        texel: [f64; 2],
-    ) -> Vec<[f64; 3]> {
-        let mut image = vec![[0.0; 3]; w * h];
-        image.par_chunks_mut(w).enumerate().for_each(|(j, row)| {
+    fn white(&self, tube: &TubeDevice, travel: Travel, position: f64, size: ImageSize, texel: [f64; 2]) -> Vec<Rgb> {
+        let mut image = vec![Rgb::splat(0.0); size.texels()];
+        image.par_chunks_mut(size.width).enumerate().for_each(|(j, row)| {
             for (i, value) in row.iter_mut().enumerate() {
-                let p = [texel_position(w, h, texel[0], i, j)[0], texel_position(w, h, texel[1], i, j)[1]];
+                let k = j * size.width + i;
+                let p = [size.place_mm(texel[0], k)[0], size.place_mm(texel[1], k)[1]];
                 let (at, along) = if travel == Travel::X { (p[0], p[1]) } else { (p[1], p[0]) };
                 let shown = tube.shown(&tube.seen(position, at), along, [0.0, 0.0, 1.0], None, Lobe::Beckmann);
-                *value = self.gain(p).map(|g| self.spec.device.dark + g * shown.diffuse);
+                *value = self.gain(p) * shown.diffuse + self.spec.device.dark;
             }
         });
         image
@@ -213,19 +218,18 @@ impl Camera<'_> {
 
     /// The light box, with a leaf on it or without (Wang et al. 2005 §3: reciprocity makes the ratio the ρt of a beam
     /// at the camera's angle).
-    fn lightbox(&self, leaf: &SyntheticLeaf, on_it: Option<&View>) -> Vec<[f64; 3]> {
+    fn lightbox(&self, leaf: &SyntheticLeaf, on_it: Option<&View>) -> Vec<Rgb> {
         let field = self.spec.field_mm;
-        (0..leaf.width * leaf.height)
+        (0..leaf.size.texels())
             .map(|k| {
-                let [x, y] = texel_position(leaf.width, leaf.height, leaf.texel_mm, k % leaf.width, k / leaf.width);
+                let [x, y] = leaf.size.place_mm(leaf.texel_mm, k);
                 // No light box is even: this one is a little brighter to one side.
                 let level = BOX_LEVEL * (1.0 + 0.04 * x / field[0] - 0.03 * (y / field[1]).powi(2));
                 let through = match on_it {
-                    Some(view) if view.mask[k] => view.side.through[k].map(f64::from),
-                    _ => [1.0; 3],
+                    Some(view) if view.mask[k] => view.side[k].through.map(f64::from),
+                    _ => Rgb::splat(1.0),
                 };
-                let gain = self.gain([x, y]);
-                [0, 1, 2].map(|c| self.spec.device.dark + gain[c] * level * through[c])
+                self.gain([x, y]) * level * through + self.spec.device.dark
             })
             .collect()
     }
@@ -241,16 +245,19 @@ fn mirror(
     manifest: &TubeManifest,
     travel: Travel,
     position: f64,
-    white: (usize, usize),
+    white: ImageSize,
     dark: f64,
-) -> (Vec<[f64; 3]>, (usize, usize)) {
+) -> (Vec<Rgb>, ImageSize) {
     let (sin, cos) = manifest.camera_deg.to_radians().sin_cos();
     let (tube, field) = (manifest.tube, [manifest.width, manifest.height].map(|n| n as f64 * manifest.texel_mm));
     // The camera's ray, reflected by the mirror to (−sin, 0, cos), meets the tube where it passes the axis at less than
     // the tube's radius: around position + H tan(camera) in pass x, and around the position itself in pass y.
     let (size, count, length, centre, half) = match travel {
-        Travel::X => ((white.0, STRIP), white.0, field[0], position + tube.height_mm * sin / cos, tube.radius_mm / cos),
-        Travel::Y => ((STRIP, white.1), white.1, field[1], position, tube.radius_mm),
+        Travel::X => {
+            let centre = position + tube.height_mm * sin / cos;
+            (ImageSize::new(white.width, STRIP), white.width, field[0], centre, tube.radius_mm / cos)
+        }
+        Travel::Y => (ImageSize::new(STRIP, white.height), white.height, field[1], position, tube.radius_mm),
     };
     // Share of each texel along the travel that shows the tube.
     let wide = length / count as f64;
@@ -263,8 +270,8 @@ fn mirror(
             ((at + 0.5 * wide).min(centre + half) - (at - 0.5 * wide).max(centre - half)).max(0.0) / wide
         })
         .collect();
-    let along = |k: usize| if travel == Travel::X { k % size.0 } else { k / size.0 };
-    ((0..size.0 * size.1).map(|k| [dark + covered[along(k)]; 3]).collect(), size)
+    let along = |k: usize| size.position(k)[usize::from(travel == Travel::Y)];
+    ((0..size.texels()).map(|k| Rgb::splat(dark + covered[along(k)])).collect(), size)
 }
 
 fn references(
@@ -272,16 +279,17 @@ fn references(
     leaf: &SyntheticLeaf,
     camera: &Camera,
     sensor: Sensor,
-    white: (usize, usize),
+    white: ImageSize,
     folder: &Path,
 ) -> Result<()> {
-    let size = (leaf.width, leaf.height);
-    let put = |name: PathBuf, image: Vec<[f64; 3]>, size: (usize, usize), place: [u64; 3]| {
+    let size = leaf.size;
+    let put = |name: PathBuf, image: Vec<Rgb>, size: ImageSize, place: [u64; 3]| {
         stop_if_asked(folder)?;
         write_frame(&name, image, size, sensor, camera.seed, place, None)
     };
     // The sheet covers exactly the leaf's field, so its texels are wider.
-    let texel = [leaf.texel_mm * size.0 as f64 / white.0 as f64, leaf.texel_mm * size.1 as f64 / white.1 as f64];
+    let texel =
+        [(size.width, white.width), (size.height, white.height)].map(|(n, of)| leaf.texel_mm * n as f64 / of as f64);
     for (p, pass) in manifest.passes.iter().enumerate() {
         let tube = TubeDevice::new(manifest.tube, pass.name, manifest.camera_deg);
         for (k, &position) in pass.positions().iter().enumerate() {
@@ -293,7 +301,7 @@ fn references(
             }
         }
     }
-    put(folder.join("dark.exr"), vec![[camera.spec.device.dark; 3]; size.0 * size.1], size, [11, 0, 0])?;
+    put(folder.join("dark.exr"), vec![Rgb::splat(camera.spec.device.dark); size.texels()], size, [11, 0, 0])?;
     put(folder.join("lightbox_empty.exr"), camera.lightbox(leaf, None), size, [12, 0, 0])?;
     for side in Side::ALL {
         let image = camera.lightbox(leaf, Some(&View::new(leaf, side)));
@@ -305,30 +313,29 @@ fn references(
 /// Adds noise, merges the exposures and writes a frame; with `raw` also `<raw>_e0.png` … (16-bit linear counts).
 pub(crate) fn write_frame(
     path: &Path,
-    mut image: Vec<[f64; 3]>,
-    (width, height): (usize, usize),
+    mut image: Vec<Rgb>,
+    size: ImageSize,
     sensor: Sensor,
     seed: u64,
     place: [u64; 3],
     raw: Option<PathBuf>,
 ) -> Result<()> {
-    image.par_chunks_mut(width).enumerate().for_each(|(j, row)| {
+    image.par_chunks_mut(size.width).enumerate().for_each(|(j, row)| {
         let stream = RandomStream::new(seed, &[place[0], place[1], place[2], j as u64]);
-        sensor.disturb(row.as_flattened_mut(), stream);
+        sensor.disturb(row.iter_mut().flatten(), stream);
     });
-    let mut maps = ChannelMaps::new(width, height);
-    for (c, name) in ["R", "G", "B"].iter().enumerate() {
-        maps.push(*name, image.iter().map(|v| sensor.merged(v[c])).collect());
-    }
+    let mut maps = ChannelMaps::new(size.width, size.height);
+    maps.push_rgb(&image.iter().map(|v| v.map(|v| sensor.merged(v))).collect::<Vec<_>>());
     write_exr(path, &maps, Packing::Raw)?;
     let Some(stem) = raw else { return Ok(()) };
     for e in 0..EXPOSURES {
-        let counts: Vec<u16> = image.as_flattened().iter().map(|&v| sensor.count(v, e)).collect();
+        let counts: Vec<u16> = image.iter().flatten().map(|&v| sensor.count(v, e)).collect();
         let path = PathBuf::from(format!("{}_e{e}.png", stem.display()));
         let bytes: Vec<u8> = counts.iter().flat_map(|c| c.to_ne_bytes()).collect();
         let mut out = Vec::new();
         let encoder = image::codecs::png::PngEncoder::new(&mut out);
-        image::ImageEncoder::write_image(encoder, &bytes, width as u32, height as u32, image::ExtendedColorType::Rgb16)
+        let [width, height] = [size.width, size.height].map(|n| n as u32);
+        image::ImageEncoder::write_image(encoder, &bytes, width, height, image::ExtendedColorType::Rgb16)
             .map_err(|e| Error::write(&path, e))?;
         atomic::write_bytes(&path, &out)?;
     }

@@ -46,14 +46,13 @@ impl Sensor {
     }
 
     /// Adds noise of standard deviation √((relative·value)² + floor²) to a row of values.
-    pub fn disturb(&self, row: &mut [f64], mut stream: RandomStream) {
+    pub fn disturb<'a>(&self, row: impl IntoIterator<Item = &'a mut f64>, mut stream: RandomStream) {
         if self.relative == 0.0 {
             return;
         }
-        for pair in row.chunks_mut(2) {
-            for (value, n) in pair.iter_mut().zip(stream.normal_pair()) {
-                *value += n * (self.relative * *value).hypot(self.floor);
-            }
+        let normal = std::iter::repeat_with(|| stream.normal_pair()).flatten();
+        for (value, n) in row.into_iter().zip(normal) {
+            *value += n * (self.relative * *value).hypot(self.floor);
         }
     }
 

@@ -12,31 +12,31 @@
 //! A flat uniform leaf shows its ρt. A vein's shadow is softened. Next to a hole or the outline some light is lost.
 
 use crate::Result;
-use crate::leaf::{SyntheticLeaf, SyntheticSide};
+use crate::leaf::{SyntheticLeaf, SyntheticTexel};
 use crate::slab_truth::SlabTruthTable;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::dome::visibility::visible;
 use mesophyll_optics::dipole::Tissue;
-use mesophyll_optics::side::Side;
-use mesophyll_optics::side::mirror;
+use mesophyll_optics::side::{Side, Sides, mirror};
 use mesophyll_optics::translucency::blade::BladeMaps;
 use mesophyll_optics::translucency::convolution::{ConvolutionSettings, Convolver, TotalsSource};
 
 /// How far sideways light is followed where only a part of a leaf is captured (mm).
 pub(crate) const REACH_MM: f64 = 2.0;
 
-/// τ of both sides, front first, each as its own camera saw it; the back light stands behind the leaf.
+/// τ of both sides, each as its own camera saw it; the back light stands behind the leaf.
 ///
 /// # Errors
 /// Only what the convolution refuses: a tissue that neither absorbs nor scatters.
-pub fn through(leaf: &SyntheticLeaf, shape: &BladeMaps) -> Result<[Vec<[f32; 3]>; 2]> {
-    let width = leaf.width;
+pub fn through(leaf: &SyntheticLeaf, shape: &BladeMaps) -> Result<Sides<Vec<Rgb<f32>>>> {
+    let width = leaf.size.width;
     let (front, back) = (shape.lit(Side::Front), shape.lit(Side::Back));
     // A facet with the normal's component n_z has 1/n_z times its texel's area, and receives that much more light.
     let falls = [&front, &back]
         .map(|lit| -> Vec<f64> { visible(lit).into_iter().zip(&lit.surface.normal).map(|(v, n)| v / n[2]).collect() });
-    let mut shown = [vec![[0f32; 3]; leaf.mask.len()], vec![[0f32; 3]; leaf.mask.len()]];
+    let mut shown = Sides::of(|_| vec![Rgb::splat(0f32); leaf.mask.len()]);
     for c in 0..3 {
-        let tissue = tissue(&leaf.front, c);
+        let tissue = tissue(&leaf.sides.front, c);
         let settings =
             ConvolutionSettings { totals: TotalsSource::Transport, ..ConvolutionSettings::new(tissue, leaf.texel_mm) };
         let Some(convolver) = Convolver::for_map(&settings, width, &front.thickness)? else { continue };
@@ -45,77 +45,79 @@ pub fn through(leaf: &SyntheticLeaf, shape: &BladeMaps) -> Result<[Vec<[f32; 3]>
             (back.thickness.as_ref(), falls[1].as_slice()),
         ]);
         // What a texel would show if all light stayed in it.
-        let alone = SlabTruthTable::new(1.0, [tissue.sigma_a; 2], tissue.sigma_s, range(&leaf.front));
+        let alone = SlabTruthTable::new(1.0, [tissue.sigma_a; 2], tissue.sigma_s, range(&leaf.sides.front));
         // Light that fell on the back shows on the front.
-        for ((out, side), spread) in shown.iter_mut().zip([&leaf.front, &leaf.back]).zip(spread.iter().rev()) {
+        for ((side, out), spread) in shown.iter_mut().zip(spread.iter().rev()) {
             let spread = mirror(spread, width);
-            for (k, v) in out.iter_mut().enumerate().filter(|(k, _)| side.thickness[*k] > 0.0) {
-                let alone = alone.at(tissue.sigma_a, f64::from(side.thickness[k])).rho_t;
-                v[c] = (f64::from(side.rho_t[k][c]) * spread[k] / alone) as f32;
+            for ((v, t), spread) in
+                out.iter_mut().zip(&leaf.sides[side]).zip(spread).filter(|((_, t), _)| t.thickness > 0.0)
+            {
+                let alone = alone.at(tissue.sigma_a, f64::from(t.thickness)).rho_t;
+                v[c] = (f64::from(t.rho_t[c]) * spread / alone) as f32;
             }
         }
     }
     Ok(shown)
 }
 
-fn range(side: &SyntheticSide) -> [f64; 2] {
-    let on = side.thickness.iter().filter(|d| **d > 0.0).map(|d| f64::from(*d));
-    on.fold([f64::MAX, 0.0], |[a, b], d| [a.min(d), b.max(d)])
+/// The texels on the leaf.
+fn on(side: &[SyntheticTexel]) -> impl Iterator<Item = &SyntheticTexel> {
+    side.iter().filter(|t| t.thickness > 0.0)
+}
+
+fn range(side: &[SyntheticTexel]) -> [f64; 2] {
+    on(side).map(|t| f64::from(t.thickness)).fold([f64::MAX, 0.0], |[a, b], d| [a.min(d), b.max(d)])
 }
 
 /// The mean tissue of a leaf in a channel. Scattering is isotropic, and all light that reaches a surface leaves, as in
 /// the slab.
-fn tissue(side: &SyntheticSide, c: usize) -> Tissue {
-    let on: Vec<usize> = (0..side.thickness.len()).filter(|&k| side.thickness[k] > 0.0).collect();
-    let mean = |map: &[[f32; 3]]| on.iter().map(|&k| f64::from(map[k][c])).sum::<f64>() / on.len().max(1) as f64;
-    Tissue { sigma_a: mean(&side.sigma_a), sigma_s: mean(&side.sigma_s), g: 0.0, a: 1.0 }
+fn tissue(side: &[SyntheticTexel], c: usize) -> Tissue {
+    let mean = |of: fn(&SyntheticTexel) -> Rgb<f32>| {
+        on(side).map(|t| f64::from(of(t)[c])).sum::<f64>() / on(side).count().max(1) as f64
+    };
+    Tissue { sigma_a: mean(|t| t.sigma_a), sigma_s: mean(|t| t.sigma_s), g: 0.0, a: 1.0 }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::slab_truth::response;
+    use crate::spec::InteriorModel;
+    use mesophyll_base::image::{Image, ImageSize};
     use mesophyll_optics::gloss::Lobe;
 
     const W: usize = 96;
     const H: usize = 80;
 
     /// A level leaf of the given thicknesses, in texels of 0.1 mm, and what its front shows in red, green and blue.
-    fn shown(thickness: impl Fn(usize, usize) -> f32) -> (Vec<f32>, Vec<[f32; 3]>, Vec<[f32; 3]>) {
-        let front: Vec<f32> = (0..W * H).map(|k| thickness(k % W, k / W)).collect();
-        let (sigma_a, sigma_s) = ([5.0f32, 2.0, 8.0], [6.0f32, 12.0, 4.0]);
+    fn shown(thickness: impl Fn(usize, usize) -> f32) -> (Vec<f32>, Vec<Rgb<f32>>, Vec<Rgb<f32>>) {
+        let size = ImageSize::new(W, H);
+        let front = Image::of(size, |k| thickness(size.position(k)[0], size.position(k)[1])).pixels;
+        let (sigma_a, sigma_s) = (Rgb([5.0f32, 2.0, 8.0]), Rgb([6.0f32, 12.0, 4.0]));
         // There are only a few thicknesses, so each is solved once.
-        let mut solved: Vec<(f32, [f32; 3])> = Vec::new();
+        let mut solved: Vec<SyntheticTexel> = Vec::new();
         for &d in &front {
-            if !solved.iter().any(|s| s.0 == d) {
-                let alone =
-                    |c: usize| response(f64::from(sigma_a[c]), f64::from(sigma_s[c]), f64::from(d)).rho_t as f32;
-                solved.push((d, [0, 1, 2].map(alone)));
+            if !solved.iter().any(|s| s.thickness == d) {
+                let rho_t =
+                    sigma_a.zip(sigma_s, |a, s| response(f64::from(a), f64::from(s), f64::from(d)).rho_t as f32);
+                solved.push(SyntheticTexel { rho_t, sigma_a, sigma_s, thickness: d, ..SyntheticTexel::default() });
             }
         }
-        let side = |d: Vec<f32>| SyntheticSide {
-            rho_t: d.iter().map(|d| solved.iter().find(|s| s.0 == *d).unwrap().1).collect(),
-            sigma_a: vec![sigma_a; W * H],
-            sigma_s: vec![sigma_s; W * H],
-            thickness: d,
-            ..SyntheticSide::default()
-        };
-        let (mask, relief, heights) = (vec![true; W * H], vec![0.0; W * H], [vec![0.1; W * H], vec![0.1; W * H]]);
+        let side = |d: &[f32]| d.iter().map(|d| *solved.iter().find(|s| s.thickness == *d).unwrap()).collect();
+        let (mask, heights) = (vec![true; W * H], [vec![0.1; W * H], vec![0.1; W * H]]);
         let mut shape = BladeMaps::from_heights(W, H, 0.1, mask.clone(), heights, [Vec::new(), Vec::new()]);
         shape.thickness = front.iter().map(|d| f64::from(*d)).collect();
-        let back = side(mirror(&front, W));
         let leaf = SyntheticLeaf {
-            width: W,
-            height: H,
+            size,
             texel_mm: 0.1,
             lobe: Lobe::Beckmann,
+            model: InteriorModel::Exact,
             mask,
-            relief,
-            front: side(front.clone()),
-            back,
+            relief: vec![0.0; W * H],
+            sides: Sides { front: side(&front), back: side(&mirror(&front, W)) },
         };
-        let [shown, _] = through(&leaf, &shape).unwrap();
-        (front, leaf.front.rho_t, shown)
+        let shown = through(&leaf, &shape).unwrap().front;
+        (front, leaf.sides.front.iter().map(|t| t.rho_t).collect(), shown)
     }
 
     fn inner() -> impl Iterator<Item = usize> {
@@ -140,7 +142,7 @@ mod tests {
         let mut gained = [0.0f32; 3];
         let (d, own, seen) = shown(|i, _| if (46..50).contains(&i) { 0.4 } else { 0.2 });
         for c in 0..3 {
-            let sum = |m: &[[f32; 3]]| inner().map(|k| f64::from(m[k][c])).sum::<f64>();
+            let sum = |m: &[Rgb<f32>]| inner().map(|k| f64::from(m[k][c])).sum::<f64>();
             assert!((sum(&seen) / sum(&own) - 1.0).abs() < 1e-3, "{} {}", sum(&seen), sum(&own));
             let (vein, beside) = (40 * W + 47, 40 * W + 44);
             let (more, less) = (seen[vein][c] / own[vein][c] - 1.0, 1.0 - seen[beside][c] / own[beside][c]);

@@ -15,24 +15,24 @@
 mod back_light;
 mod veil;
 
-use crate::leaf::{FieldWindow, SyntheticLeaf, SyntheticSide, crop, texel_size};
+use crate::Result;
+use crate::leaf::{FieldWindow, SyntheticLeaf, crop, texel_size};
 use crate::preview;
-use crate::scan::{SHOTS, gain, stop_if_asked, write_frame};
+use crate::scan::{SHOTS, finish, gain, stop_if_asked, write_frame, write_mask};
 use crate::sensor::Sensor;
 use crate::spec::{InteriorModel, LeafSpec};
-use crate::{Error, Result};
 use back_light::{REACH_MM, through};
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::random::RandomStream;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::dome::manifest::{DomeManifest, DomePicture, empty_path, white_path};
 use mesophyll_capture::dome::smoothing::{SmoothingKernel, pass, smooth};
 use mesophyll_capture::dome::visibility::visible;
 use mesophyll_capture::kind::CaptureKind;
-use mesophyll_capture::manifest::texel_position;
-use mesophyll_files::atomic;
 use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_files::quantity::{Quantity, RGB};
-use mesophyll_optics::side::{Side, mirror};
+use mesophyll_optics::side::{Side, Sides, mirror};
 use mesophyll_optics::translucency::blade as optics;
 use std::path::{Path, PathBuf};
 use veil::Veil;
@@ -73,21 +73,21 @@ pub struct DomeLeaf {
     /// The leaf with all its maps.
     pub leaf: SyntheticLeaf,
     /// Heights of front and back over one plane, each as its own camera saw it (mm).
-    pub height: [Vec<f64>; 2],
+    pub height: Sides<Vec<f64>>,
     /// What the photographs of front and back show.
-    pub shown: [SideAppearance; 2],
+    pub shown: Sides<Vec<TexelAppearance>>,
     centre_mm: [f64; 2],
 }
 
-/// What the photographs of a side would show under even light: shares of the dome's light and of the back light.
-#[derive(Debug, Clone)]
-pub struct SideAppearance {
+/// What the photographs of a texel would show under even light: shares of the dome's light and of the back light.
+#[derive(Debug, Clone, Copy)]
+pub struct TexelAppearance {
     /// ρd times the share of the dome that is seen.
-    pub albedo: Vec<[f32; 3]>,
+    pub albedo: Rgb<f32>,
     /// What the surface mirrors.
-    pub highlight: Vec<f32>,
-    /// Share of the back light that comes through, a channel each.
-    pub transmittance: Vec<[f32; 3]>,
+    pub highlight: f32,
+    /// Share of the back light that comes through.
+    pub transmittance: Rgb<f32>,
 }
 
 impl DomeLeaf {
@@ -97,69 +97,69 @@ impl DomeLeaf {
     /// # Errors
     /// The errors of the spreading of light ([`through`]).
     pub fn grow(spec: &LeafSpec, options: &Options) -> Result<Option<DomeLeaf>> {
-        let (w, h) = (options.width, options.height);
+        let size = ImageSize::new(options.width, options.height);
         let (window, margin) = match options.patch {
-            Some((size, centre_mm)) => {
-                let texel_mm = size / w as f64;
+            Some((wide_mm, centre_mm)) => {
+                let texel_mm = wide_mm / size.width as f64;
                 (FieldWindow { centre_mm, texel_mm }, ((REACH_MM / texel_mm).ceil() as usize).min(1024))
             }
-            None => (FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, w, h) }, 0),
+            None => (FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, size) }, 0),
         };
-        let wide = w + 2 * margin;
-        let grown = SyntheticLeaf::grow_in(spec, options.model, (wide, h + 2 * margin), window);
-        let Some(mut leaf) = grown.filter(|leaf| !leaf.front.sigma_a.is_empty()) else {
+        let grown = ImageSize::new(size.width + 2 * margin, size.height + 2 * margin);
+        let wide = grown.width;
+        let grown = SyntheticLeaf::grow_in(spec, options.model, grown, window);
+        let Some(mut leaf) = grown.filter(|leaf| leaf.model != InteriorModel::Foliar) else {
             return Ok(None);
         };
-        let under: Vec<f64> = leaf.relief.iter().zip(&leaf.front.thickness).map(|(z, d)| f64::from(*d) - z).collect();
-        let height = [leaf.relief.clone(), mirror(&under, wide)];
+        let under: Vec<f64> =
+            leaf.relief.iter().zip(&leaf.sides.front).map(|(z, t)| f64::from(t.thickness) - z).collect();
+        let height = Sides { front: leaf.relief.clone(), back: mirror(&under, wide) };
         let shape = optics::BladeMaps::from_heights(
             wide,
-            leaf.height,
+            leaf.size.height,
             leaf.texel_mm,
             leaf.mask.clone(),
-            height.clone(),
+            [height.front.clone(), height.back.clone()],
             [Vec::new(), Vec::new()],
         );
-        let back = shape.back.normal.iter().zip(leaf.mask_of(Side::Back));
-        leaf.back.normal = back.map(|(n, m)| if m { n.map(|v| v as f32) } else { [0.0; 3] }).collect();
+        let mask = leaf.mask_of(Side::Back);
+        for ((t, n), on) in leaf.sides.back.iter_mut().zip(&shape.back.normal).zip(mask) {
+            t.normal = if on { n.map(|v| v as f32) } else { [0.0; 3] };
+        }
         let shown = shine(&leaf, &shape)?;
-        let cut = |s: &SideAppearance| SideAppearance {
-            albedo: crop(&s.albedo, wide, margin),
-            highlight: crop(&s.highlight, wide, margin),
-            transmittance: crop(&s.transmittance, wide, margin),
-        };
         let leaf = leaf.cropped(margin);
         if !leaf.mask.contains(&true) {
             return Ok(None);
         }
-        let height = [0, 1].map(|s: usize| crop(&height[s], wide, margin));
-        Ok(Some(DomeLeaf { leaf, height, shown: [cut(&shown[0]), cut(&shown[1])], centre_mm: window.centre_mm }))
+        let height = Sides::of(|side| crop(&height[side], wide, margin));
+        let shown = Sides::of(|side| crop(&shown[side], wide, margin));
+        Ok(Some(DomeLeaf { leaf, height, shown, centre_mm: window.centre_mm }))
     }
 
     /// Place of a texel in the field (mm), for the front. Light and camera are equally uneven for the back.
     fn place(&self, k: usize) -> [f64; 2] {
-        let (w, h) = (self.leaf.width, self.leaf.height);
-        let p = texel_position(w, h, self.leaf.texel_mm, k % w, k / w);
+        let p = self.leaf.size.place_mm(self.leaf.texel_mm, k);
         [p[0] + self.centre_mm[0], p[1] + self.centre_mm[1]]
     }
 }
 
-/// The light of both sides, front first.
-fn shine(leaf: &SyntheticLeaf, shape: &optics::BladeMaps) -> Result<[SideAppearance; 2]> {
+/// The light of both sides.
+fn shine(leaf: &SyntheticLeaf, shape: &optics::BladeMaps) -> Result<Sides<Vec<TexelAppearance>>> {
     let veil = Veil::new(leaf.lobe);
-    let [front, back] = through(leaf, shape)?;
-    let side = |side: &SyntheticSide, lit: Side, transmittance: Vec<[f32; 3]>| {
-        let seen = visible(&shape.lit(lit));
-        let mask = leaf.mask_of(lit);
-        let mirrored =
-            |k: usize| f64::from(side.rho_s[k][0]) * veil.at(f64::from(side.normal[k][2]), f64::from(side.m[k]));
-        SideAppearance {
-            albedo: side.rho_d.iter().zip(&seen).map(|(d, v)| d.map(|d| (f64::from(d) * v) as f32)).collect(),
-            highlight: (0..mask.len()).map(|k| if mask[k] { mirrored(k) as f32 } else { 0.0 }).collect(),
-            transmittance,
-        }
-    };
-    Ok([side(&leaf.front, Side::Front, front), side(&leaf.back, Side::Back, back)])
+    let through = through(leaf, shape)?;
+    Ok(Sides::of(|side| {
+        let (seen, mask) = (visible(&shape.lit(side)), leaf.mask_of(side));
+        let shown = |k: usize| {
+            let (t, transmittance) = (&leaf.sides[side][k], through[side][k]);
+            let mirrored = f64::from(t.rho_s) * veil.at(f64::from(t.normal[2]), f64::from(t.m));
+            TexelAppearance {
+                albedo: t.rho_d.map(|d| (f64::from(d) * seen[k]) as f32),
+                highlight: if mask[k] { mirrored as f32 } else { 0.0 },
+                transmittance,
+            }
+        };
+        (0..mask.len()).map(shown).collect()
+    }))
 }
 
 /// Photographs and scans `spec` into `folder`; `capture.toml` comes last.
@@ -168,18 +168,14 @@ fn shine(leaf: &SyntheticLeaf, shape: &optics::BladeMaps) -> Result<[SideAppeara
 /// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
 pub fn capture(spec: &LeafSpec, blade: &DomeLeaf, options: &Options, folder: &Path) -> Result<DomeManifest> {
     let leaf = &blade.leaf;
-    let (device, size) = (&spec.device, (leaf.width, leaf.height));
+    let device = &spec.device;
     let sensor = Sensor { relative: options.noise, floor: device.noise_floor, full_scale: device.full_scale };
     let manifest = manifest_of(spec, blade, options);
-    let sides = [Side::Front, Side::Back];
     let bar = TaskProgress::new("photographing sides", 2);
-    let put = |path: PathBuf, light: &dyn Fn(usize) -> [f64; 3], sensor: Sensor, place: u64| {
+    let put = |path: PathBuf, light: &dyn Fn(usize) -> Rgb, sensor: Sensor, place: u64| {
         stop_if_asked(folder)?;
-        let image = (0..manifest.texels()).map(|k| {
-            let (gain, light) = (gain(spec, blade.place(k)), light(k));
-            [0, 1, 2].map(|c| device.dark + gain[c] * light[c])
-        });
-        write_frame(&path, image.collect(), size, sensor, options.seed, [20, place, 0], None)
+        let image = (0..manifest.texels()).map(|k| gain(spec, blade.place(k)) * light(k) + device.dark);
+        write_frame(&path, image.collect(), leaf.size, sensor, options.seed, [20, place, 0], None)
     };
     let dome = |k: usize| {
         let [x, y] = blade.place(k);
@@ -189,54 +185,46 @@ pub fn capture(spec: &LeafSpec, blade: &DomeLeaf, options: &Options, folder: &Pa
         let [x, y] = blade.place(k);
         BOX_LEVEL * (1.0 + 0.04 * x / spec.field_mm[0] - 0.03 * (y / spec.field_mm[1]).powi(2))
     };
-    for (s, (name, shown)) in sides.into_iter().zip(&blade.shown).enumerate() {
-        let mask = leaf.mask_of(name);
+    for (side, shown) in blade.shown.iter() {
+        let (mask, place) = (leaf.mask_of(side), side as u64);
         // Beside the leaf the camera sees the back light, and under the dome it sees black cloth.
-        let albedo = |k: usize| shown.albedo[k].map(|d| dome(k) * f64::from(d + shown.highlight[k]));
-        let through = |k: usize| shown.transmittance[k].map(|t| lamp(k) * if mask[k] { f64::from(t) } else { 1.0 });
-        put(DomePicture::Albedo.path(folder, name), &albedo, sensor, s as u64)?;
-        put(DomePicture::Translucency.path(folder, name), &through, sensor, 2 + s as u64)?;
-        let mut scan = ChannelMaps::new(size.0, size.1);
-        scan.push("Y", scanned(&blade.height[s], &mask, leaf, options, s as u64));
-        write_exr(&DomePicture::Height.path(folder, name), &scan, Packing::Raw)?;
-        let truth = truth(blade, name, shown, s);
-        write_exr(&mesophyll_capture::truth_path(folder, name), &truth, Packing::Zip)?;
-        preview::write(folder, leaf, name)?;
+        let albedo = |k: usize| shown[k].albedo.map(|d| dome(k) * f64::from(d + shown[k].highlight));
+        let through = |k: usize| shown[k].transmittance.map(|t| lamp(k) * if mask[k] { f64::from(t) } else { 1.0 });
+        put(DomePicture::Albedo.path(folder, side), &albedo, sensor, place)?;
+        put(DomePicture::Translucency.path(folder, side), &through, sensor, 2 + place)?;
+        let mut scan = ChannelMaps::new(leaf.size.width, leaf.size.height);
+        scan.push("Y", scanned(&blade.height[side], &mask, leaf, options, place));
+        write_exr(&DomePicture::Height.path(folder, side), &scan, Packing::Raw)?;
+        write_exr(&mesophyll_capture::truth_path(folder, side), &truth(blade, side), Packing::Zip)?;
+        preview::write(folder, leaf, side)?;
         bar.advance(1);
     }
     let mean = sensor.averaging(SHOTS);
-    put(white_path(folder), &|k| [dome(k); 3], mean, 4)?;
-    put(empty_path(folder), &|k| [lamp(k); 3], mean, 5)?;
-    put(folder.join("dark.exr"), &|_| [0.0; 3], mean, 6)?;
-    let mut mask = ChannelMaps::new(size.0, size.1);
-    mask.push("Y", leaf.mask.iter().map(|&m| f32::from(u8::from(m))).collect());
-    write_exr(&folder.join("mask.exr"), &mask, Packing::Zip)?;
-    let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
-    atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
-    Ok(manifest)
+    put(white_path(folder), &|k| Rgb::splat(dome(k)), mean, 4)?;
+    put(empty_path(folder), &|k| Rgb::splat(lamp(k)), mean, 5)?;
+    put(folder.join("dark.exr"), &|_| Rgb::splat(0.0), mean, 6)?;
+    write_mask(folder, leaf)?;
+    finish(folder, manifest)
 }
 
 /// The true maps of a side: those of the leaf, and what its photographs show of it.
-pub fn truth(blade: &DomeLeaf, name: Side, shown: &SideAppearance, s: usize) -> ChannelMaps {
-    let mask = blade.leaf.mask_of(name);
-    let mut maps = blade.leaf.truth(name);
+pub fn truth(blade: &DomeLeaf, side: Side) -> ChannelMaps {
+    let (shown, mask) = (&blade.shown[side], blade.leaf.mask_of(side));
+    let mut maps = blade.leaf.truth(side);
     for c in 0..3 {
-        maps.push(format!("albedo.{}", RGB[c]), shown.albedo.iter().map(|v| v[c]).collect());
-        maps.add(Quantity::Transmittance, c, shown.transmittance.iter().map(|v| v[c]).collect());
+        maps.push(format!("albedo.{}", RGB[c]), shown.iter().map(|v| v.albedo[c]).collect());
+        maps.add(Quantity::Transmittance, c, shown.iter().map(|v| v.transmittance[c]).collect());
     }
-    maps.add(Quantity::Highlight, 0, shown.highlight.clone());
-    maps.add(
-        Quantity::Height,
-        0,
-        blade.height[s].iter().zip(&mask).map(|(z, m)| if *m { *z as f32 } else { 0.0 }).collect(),
-    );
+    maps.add(Quantity::Highlight, 0, shown.iter().map(|v| v.highlight).collect());
+    let height = blade.height[side].iter().zip(&mask).map(|(z, m)| if *m { *z as f32 } else { 0.0 });
+    maps.add(Quantity::Height, 0, height.collect());
     maps
 }
 
 /// A height scan: the surface and the scanner's noise, smoothed together, with the scan's own tilt and zero; NaN off
 /// the leaf.
 fn scanned(height: &[f64], mask: &[bool], leaf: &SyntheticLeaf, options: &Options, side: u64) -> Vec<f32> {
-    let (w, h) = (leaf.width, leaf.height);
+    let ImageSize { width: w, height: h } = leaf.size;
     let exact = options.noise == 0.0;
     let kernel = SmoothingKernel::gaussian(if exact { 0.0 } else { FILTER_MM / leaf.texel_mm });
     let weight: Vec<f64> = mask.iter().map(|m| f64::from(u8::from(*m))).collect();
@@ -256,7 +244,7 @@ fn scanned(height: &[f64], mask: &[bool], leaf: &SyntheticLeaf, options: &Option
     let (tilt, zero) = ([TILT * stream.signed(), TILT * stream.signed()], OFFSET_MM * stream.signed());
     (0..w * h)
         .map(|k| {
-            let [x, y] = texel_position(w, h, leaf.texel_mm, k % w, k / w);
+            let [x, y] = leaf.size.place_mm(leaf.texel_mm, k);
             if mask[k] { (surface[k] + zero + tilt[0] * x + tilt[1] * y) as f32 } else { f32::NAN }
         })
         .collect()
@@ -266,16 +254,17 @@ fn manifest_of(spec: &LeafSpec, blade: &DomeLeaf, options: &Options) -> DomeMani
     let leaf = &blade.leaf;
     let exact = options.noise == 0.0;
     let weight: Vec<f64> = leaf.mask.iter().map(|m| f64::from(u8::from(*m))).collect();
-    let thickness: Vec<f64> = leaf.front.thickness.iter().map(|d| f64::from(*d)).collect();
-    let met = smooth(&thickness, &weight, leaf.width, &SmoothingKernel::gaussian(0.25 * CONTACT_MM / leaf.texel_mm));
+    let thickness: Vec<f64> = leaf.sides.front.iter().map(|t| f64::from(t.thickness)).collect();
+    let met =
+        smooth(&thickness, &weight, leaf.size.width, &SmoothingKernel::gaussian(0.25 * CONTACT_MM / leaf.texel_mm));
     let thickest = met.iter().zip(&leaf.mask).filter(|(_, m)| **m).fold(0.0, |a: f64, (d, _)| a.max(*d));
     let slip = if exact { 0.0 } else { CALIPER_MM * RandomStream::new(options.seed, &[23]).normal_pair()[0] };
     DomeManifest {
         schema: 1,
         kind: CaptureKind::Dome.field().unwrap_or_default().into(),
         name: spec.name.clone(),
-        width: leaf.width,
-        height: leaf.height,
+        width: leaf.size.width,
+        height: leaf.size.height,
         texel_mm: leaf.texel_mm,
         thickness_max_mm: (1e6 * (thickest + slip)).round() / 1e6,
         thickness_max_err_mm: (!exact).then_some(CALIPER_MM),

@@ -3,68 +3,67 @@
 //! column i of the back is column W−1−i of the front (W columns in all), and x and z change sign. Lengths in mm,
 //! coefficients in 1/mm, albedos in [0, 1].
 
-use super::interior::{InteriorMaps, InteriorTissue};
+use super::interior::InteriorMaps;
 use super::spec::{InteriorModel, LeafSpec};
 use super::{outline::BladeContour, veins::VeinNetwork};
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::random::{mesh, noise};
-use mesophyll_capture::manifest::texel_position;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::gloss::Lobe;
-use mesophyll_optics::side::{Side, mirror};
+use mesophyll_optics::side::{Side, Sides, mirror};
 use rayon::prelude::*;
 
-/// One side, row-major as its camera saw it; every map has `width · height` entries, zero off the blade. Maps that the
-/// leaf's model does not have are empty.
-#[derive(Debug, Clone, Default)]
-pub struct SyntheticSide {
-    /// Diffuse reflectance, a channel each.
-    pub rho_d: Vec<[f32; 3]>,
-    /// Transmittance, a channel each.
-    pub rho_t: Vec<[f32; 3]>,
+/// One texel of a side as its camera saw it; all zero off the blade. A slab has σ and γ, a leaf of layers has pigments
+/// and their absorption.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SyntheticTexel {
+    /// Diffuse reflectance.
+    pub rho_d: Rgb<f32>,
+    /// Transmittance.
+    pub rho_t: Rgb<f32>,
     /// Transmittance for a beam at the light box's camera angle; ρt where the camera looks along the normal.
-    pub through: Vec<[f32; 3]>,
-    /// Gloss reflectance, a channel each.
-    pub rho_s: Vec<[f32; 3]>,
+    pub through: Rgb<f32>,
+    /// Gloss reflectance.
+    pub rho_s: f32,
     /// Slope of the gloss.
-    pub m: Vec<f32>,
+    pub m: f32,
     /// Unit normal in this side's image: x right, y up, z out of the side.
-    pub normal: Vec<[f32; 3]>,
-    /// Absorption coefficient of the slab (1/mm), a channel each.
-    pub sigma_a: Vec<[f32; 3]>,
-    /// Scattering coefficient of the slab (1/mm), a channel each.
-    pub sigma_s: Vec<[f32; 3]>,
+    pub normal: [f32; 3],
+    /// Absorption coefficient of the slab (1/mm).
+    pub sigma_a: Rgb<f32>,
+    /// Scattering coefficient of the slab (1/mm).
+    pub sigma_s: Rgb<f32>,
     /// Thickness (mm).
-    pub thickness: Vec<f32>,
-    /// γ: the texel's reflectance relative to that of a slab, a channel each.
-    pub gamma: Vec<[f32; 3]>,
+    pub thickness: f32,
+    /// γ: the texel's reflectance relative to that of a slab.
+    pub gamma: Rgb<f32>,
     /// Chlorophyll of a leaf of layers (µg/cm²).
-    pub chlorophyll: Vec<f32>,
+    pub chlorophyll: f32,
     /// Carotenoids of a leaf of layers (µg/cm²).
-    pub carotenoid: Vec<f32>,
-    /// Absorption of the mesophyll of a leaf of layers over the leaf's thickness (1/mm), a channel each.
-    pub absorption: Vec<[f32; 3]>,
+    pub carotenoid: f32,
+    /// Absorption of the mesophyll of a leaf of layers over the leaf's thickness (1/mm).
+    pub absorption: Rgb<f32>,
 }
 
 /// A grown leaf: its outline, its relief and both sides' maps.
 #[derive(Debug, Clone)]
 pub struct SyntheticLeaf {
-    /// Columns of every map.
-    pub width: usize,
-    /// Rows of every map.
-    pub height: usize,
+    /// Columns and rows of every map.
+    pub size: ImageSize,
     /// Size of a texel (mm).
     pub texel_mm: f64,
     /// The gloss lobe of both sides.
     pub lobe: Lobe,
+    /// What its inside is.
+    pub model: InteriorModel,
     /// Texels on the leaf, as the front's camera saw it.
     pub mask: Vec<bool>,
     /// Height of the front over the plane z = 0 (mm), in the front's columns; set on the blade and one texel around it.
     pub relief: Vec<f64>,
-    /// The front's maps.
-    pub front: SyntheticSide,
-    /// The back's maps, in its own camera's columns.
-    pub back: SyntheticSide,
+    /// The maps of each side, in its own camera's columns.
+    pub sides: Sides<Vec<SyntheticTexel>>,
 }
 
 /// Which part of the field is evaluated.
@@ -96,20 +95,17 @@ pub(super) struct Place {
 }
 
 /// Size of a texel so that the specified field fits into the image (mm).
-pub(crate) fn texel_size(spec: &LeafSpec, width: usize, height: usize) -> f64 {
-    (spec.field_mm[0] / width as f64).max(spec.field_mm[1] / height as f64)
+pub(crate) fn texel_size(spec: &LeafSpec, size: ImageSize) -> f64 {
+    (spec.field_mm[0] / size.width as f64).max(spec.field_mm[1] / size.height as f64)
 }
 
 impl SyntheticLeaf {
     /// Grows the leaf and evaluates its maps at one resolution; `None` when not one texel lies on the blade, or the
     /// specification does not state what the model asks for ([`LeafSpec::truth`]).
     pub fn grow(spec: &LeafSpec, model: InteriorModel, width: usize, height: usize) -> Option<SyntheticLeaf> {
-        SyntheticLeaf::grow_in(
-            spec,
-            model,
-            (width, height),
-            FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, width, height) },
-        )
+        let size = ImageSize::new(width, height);
+        let window = FieldWindow { centre_mm: [0.0; 2], texel_mm: texel_size(spec, size) };
+        SyntheticLeaf::grow_in(spec, model, size, window)
     }
 
     /// The same for a part of the field. The leaf is the same whichever part is seen, except that the means of
@@ -117,14 +113,15 @@ impl SyntheticLeaf {
     pub(crate) fn grow_in(
         spec: &LeafSpec,
         model: InteriorModel,
-        (width, height): (usize, usize),
+        size: ImageSize,
         window: FieldWindow,
     ) -> Option<SyntheticLeaf> {
+        let ImageSize { width, height } = size;
         let FieldWindow { centre_mm, texel_mm } = window;
         let blade = BladeContour::new(&spec.outline, &spec.margin, spec.seed);
         let network = VeinNetwork::grow(&blade, &spec.veins, spec.seed);
-        let x: Vec<f64> = (0..width).map(|i| centre_mm[0] + texel_position(width, height, texel_mm, i, 0)[0]).collect();
-        let y = |j: usize| centre_mm[1] + texel_position(width, height, texel_mm, 0, j)[1];
+        let x: Vec<f64> = (0..width).map(|i| centre_mm[0] + size.place_mm(texel_mm, i)[0]).collect();
+        let y = |j: usize| centre_mm[1] + size.place_mm(texel_mm, j * width)[1];
         let rows: Vec<Vec<bool>> = (0..height).into_par_iter().map(|j| blade.row(y(j), &x)).collect();
         let places: Vec<Place> = (0..height)
             .into_par_iter()
@@ -149,48 +146,21 @@ impl SyntheticLeaf {
         if !places.iter().any(|p| p.inside) {
             return None;
         }
-        let shape = (width, height, texel_mm);
         let interior = InteriorMaps::of(spec, model, &places)?;
-        let front = side(spec, model, &places, &interior, shape, false);
-        let back = side(spec, model, &places, &interior, shape, true);
+        let sides = Sides::of(|lit| side(spec, model, &places, &interior, (size, texel_mm), lit));
         let (mask, relief) = places.iter().map(|p| (p.inside, p.front_mm)).unzip();
-        Some(SyntheticLeaf { width, height, texel_mm, lobe: spec.lobe, mask, relief, front, back })
+        Some(SyntheticLeaf { size, texel_mm, lobe: spec.lobe, model, mask, relief, sides })
     }
 
     /// The leaf without `margin` texels along each edge of its maps; `margin` is less than half of width and height.
     pub fn cropped(&self, margin: usize) -> SyntheticLeaf {
-        let side = |s: &SyntheticSide| SyntheticSide {
-            rho_d: crop(&s.rho_d, self.width, margin),
-            rho_t: crop(&s.rho_t, self.width, margin),
-            through: crop(&s.through, self.width, margin),
-            rho_s: crop(&s.rho_s, self.width, margin),
-            m: crop(&s.m, self.width, margin),
-            normal: crop(&s.normal, self.width, margin),
-            sigma_a: crop(&s.sigma_a, self.width, margin),
-            sigma_s: crop(&s.sigma_s, self.width, margin),
-            thickness: crop(&s.thickness, self.width, margin),
-            gamma: crop(&s.gamma, self.width, margin),
-            chlorophyll: crop(&s.chlorophyll, self.width, margin),
-            carotenoid: crop(&s.carotenoid, self.width, margin),
-            absorption: crop(&s.absorption, self.width, margin),
-        };
+        let width = self.size.width;
         SyntheticLeaf {
-            width: self.width - 2 * margin,
-            height: self.height - 2 * margin,
-            texel_mm: self.texel_mm,
-            lobe: self.lobe,
-            mask: crop(&self.mask, self.width, margin),
-            relief: crop(&self.relief, self.width, margin),
-            front: side(&self.front),
-            back: side(&self.back),
-        }
-    }
-
-    /// One side's maps.
-    pub fn side(&self, side: Side) -> &SyntheticSide {
-        match side {
-            Side::Front => &self.front,
-            Side::Back => &self.back,
+            size: ImageSize::new(width - 2 * margin, self.size.height - 2 * margin),
+            mask: crop(&self.mask, width, margin),
+            relief: crop(&self.relief, width, margin),
+            sides: Sides::of(|side| crop(&self.sides[side], width, margin)),
+            ..*self
         }
     }
 
@@ -198,35 +168,38 @@ impl SyntheticLeaf {
     pub fn mask_of(&self, side: Side) -> Vec<bool> {
         match side {
             Side::Front => self.mask.clone(),
-            Side::Back => mirror(&self.mask, self.width),
+            Side::Back => mirror(&self.mask, self.size.width),
         }
     }
 
     /// The truth in the channels of `data/README.md`: those that the leaf's model has.
     pub fn truth(&self, side: Side) -> ChannelMaps {
-        let grown = self.side(side);
-        let mut maps = ChannelMaps::new(self.width, self.height);
-        let mut three = |quantity, map: &[[f32; 3]]| {
-            for c in (0..3).filter(|_| !map.is_empty()) {
-                maps.add(quantity, c, map.iter().map(|v| v[c]).collect());
-            }
+        let texels = &self.sides[side];
+        let mut maps = ChannelMaps::new(self.size.width, self.size.height);
+        let mut three = |quantity, of: fn(&SyntheticTexel) -> [f32; 3]| {
+            (0..3).for_each(|c| maps.add(quantity, c, texels.iter().map(|t| of(t)[c]).collect()));
         };
-        three(Quantity::RhoD, &grown.rho_d);
-        three(Quantity::RhoS, &grown.rho_s);
-        three(Quantity::RhoT, &grown.rho_t);
-        three(Quantity::SigmaA, &grown.sigma_a);
-        three(Quantity::SigmaS, &grown.sigma_s);
-        three(Quantity::Gamma, &grown.gamma);
-        three(Quantity::Absorption, &grown.absorption);
-        three(Quantity::Normal, &grown.normal);
-        for (quantity, map) in [(Quantity::Chlorophyll, &grown.chlorophyll), (Quantity::Carotenoid, &grown.carotenoid)]
-        {
-            if !map.is_empty() {
-                maps.add(quantity, 0, map.clone());
-            }
+        three(Quantity::RhoD, |t| t.rho_d.0);
+        three(Quantity::RhoS, |t| [t.rho_s; 3]);
+        three(Quantity::RhoT, |t| t.rho_t.0);
+        three(Quantity::Normal, |t| t.normal);
+        let layered = self.model == InteriorModel::Foliar;
+        if layered {
+            three(Quantity::Absorption, |t| t.absorption.0);
+        } else {
+            three(Quantity::SigmaA, |t| t.sigma_a.0);
+            three(Quantity::SigmaS, |t| t.sigma_s.0);
+            three(Quantity::Gamma, |t| t.gamma.0);
         }
-        maps.add(Quantity::M, 0, grown.m.clone());
-        maps.add(Quantity::Thickness, 0, grown.thickness.clone());
+        let mut one = |quantity, of: fn(&SyntheticTexel) -> f32| {
+            maps.add(quantity, 0, texels.iter().map(of).collect());
+        };
+        if layered {
+            one(Quantity::Chlorophyll, |t| t.chlorophyll);
+            one(Quantity::Carotenoid, |t| t.carotenoid);
+        }
+        one(Quantity::M, |t| t.m);
+        one(Quantity::Thickness, |t| t.thickness);
         maps.add(Quantity::Mask, 0, self.mask_of(side).into_iter().map(|m| f32::from(u8::from(m))).collect());
         maps
     }
@@ -308,43 +281,24 @@ fn side(
     model: InteriorModel,
     places: &[Place],
     interior: &InteriorMaps,
-    (width, height, texel): (usize, usize, f64),
-    back: bool,
-) -> SyntheticSide {
+    (size, texel_mm): (ImageSize, f64),
+    lit: Side,
+) -> Vec<SyntheticTexel> {
+    let back = lit == Side::Back;
     let surface = if back { &spec.back } else { &spec.front };
-    // Index into the front's maps of what this side's camera sees at (i, j).
-    let place_of = |i: usize, j: usize| j * width + if back { width - 1 - i } else { i };
-    let seen: Vec<usize> = (0..width * height).map(|k| place_of(k % width, k / width)).collect();
-    let on_blade = |f: &dyn Fn(usize) -> [f64; 3]| -> Vec<[f32; 3]> {
-        seen.iter()
-            .enumerate()
-            .map(|(k, &p)| if places[p].inside { f(k).map(|v| v as f32) } else { [0.0; 3] })
-            .collect()
-    };
     let vein = |p: &Place| p.vein[0].max(p.vein[1]).max(0.75 * p.vein[2]);
     let gamma_raw = |p: &Place| {
         // In pigment leaves the veins are pale because they lack chlorophyll, not through γ.
         let veins = if model == InteriorModel::Exact { vein(p) } else { 0.0 };
         let mottle = if back { 0.6 * p.mottle[1] - 0.8 * p.mottle[0] } else { 0.8 * p.mottle[0] + 0.6 * p.mottle[1] };
-        surface.gamma_veins.map(|g| ((1.0 + g * veins) * (1.0 + surface.gamma_lamina * mottle)).max(0.2))
+        Rgb(surface.gamma_veins).map(|g| ((1.0 + g * veins) * (1.0 + surface.gamma_lamina * mottle)).max(0.2))
     };
-    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    let (mut sum, mut count) = (Rgb::splat(0.0), 0.0);
     for p in places.iter().filter(|p| p.inside) {
-        let g = gamma_raw(p);
-        (0..3).for_each(|c| sum[c] += g[c]);
+        sum += gamma_raw(p);
         count += 1.0;
     }
-    // γ is the slab's; a leaf of layers has none.
-    let gamma = match interior.tissue {
-        InteriorTissue::Slab { .. } => on_blade(&|k| {
-            let g = gamma_raw(&places[seen[k]]);
-            [0, 1, 2].map(|c| g[c] * count / sum[c])
-        }),
-        InteriorTissue::Layers { .. } => Vec::new(),
-    };
-
-    let gloss = |k: usize| {
-        let p = &places[seen[k]];
+    let gloss = |p: &Place| {
         let [slow, fine] = [p.mottle[2], p.mottle[3]];
         let vary = |mean: f64, which: usize, n: f64| {
             (mean * (1.0 + surface.gloss_veins[which] * vein(p)) * (1.0 + surface.gloss_lamina[which] * n))
@@ -352,48 +306,47 @@ fn side(
         };
         [vary(surface.rho_s, 0, 0.8 * slow + 0.6 * fine), vary(surface.m, 1, 0.8 * fine - 0.6 * slow).clamp(0.03, 0.8)]
     };
+    // What this side's camera sees at a texel of its own.
+    let seen = |k: usize| lit.in_front(k, size.width);
     // Heights as this side's camera sees them: towards it is positive.
-    let height_of =
-        |i: usize, j: usize| if back { -places[place_of(i, j)].back_mm } else { places[place_of(i, j)].front_mm };
+    let height_of = |i: usize, j: usize| {
+        let p = &places[seen(j * size.width + i)];
+        if back { -p.back_mm } else { p.front_mm }
+    };
     let normal = |k: usize| {
-        let (i, j) = (k % width, k / width);
-        let (l, r) = (i.saturating_sub(1), (i + 1).min(width - 1));
-        let (u, d) = (j.saturating_sub(1), (j + 1).min(height - 1));
-        let slope = |a: f64, b: f64, n: usize| if n == 0 { 0.0 } else { (b - a) / (n as f64 * texel) };
+        let [i, j] = size.position(k);
+        let (l, r) = (i.saturating_sub(1), (i + 1).min(size.width - 1));
+        let (u, d) = (j.saturating_sub(1), (j + 1).min(size.height - 1));
+        let slope = |a: f64, b: f64, n: usize| if n == 0 { 0.0 } else { (b - a) / (n as f64 * texel_mm) };
         let (dx, dy) = (slope(height_of(l, j), height_of(r, j), r - l), slope(height_of(i, d), height_of(i, u), d - u));
         let s = (1.0 + dx * dx + dy * dy).sqrt();
         [-dx / s, -dy / s, 1.0 / s]
     };
-    let lit = interior.lit(back);
-    let mut grown = SyntheticSide {
-        rho_d: on_blade(&|k| {
-            let own = gamma.get(k).map_or([1.0; 3], |g| g.map(f64::from));
-            [0, 1, 2].map(|c| own[c] * lit.reflected[seen[k]][c])
-        }),
-        rho_t: picked(&lit.rho_t, &seen),
-        through: picked(&lit.through, &seen),
-        rho_s: on_blade(&|k| [gloss(k)[0]; 3]),
-        m: seen.iter().enumerate().map(|(k, &p)| if places[p].inside { gloss(k)[1] as f32 } else { 0.0 }).collect(),
-        normal: on_blade(&normal),
-        thickness: picked(&interior.thickness, &seen),
-        gamma,
-        ..SyntheticSide::default()
+    let shown = interior.lit(lit);
+    let texel = |k: usize| {
+        let p = &places[seen(k)];
+        if !p.inside {
+            return SyntheticTexel::default();
+        }
+        let (light, own) = (&shown[seen(k)], interior.texels[seen(k)]);
+        // γ is the slab's; a leaf of layers has none.
+        let gamma = match model {
+            InteriorModel::Foliar => Rgb::splat(1.0),
+            InteriorModel::Exact | InteriorModel::Pigment => (gamma_raw(p) * count / sum).map(|g| g as f32),
+        };
+        let [rho_s, m] = gloss(p).map(|v| v as f32);
+        SyntheticTexel {
+            rho_d: (gamma.map(f64::from) * light.reflected).map(|v| v as f32),
+            rho_t: light.rho_t,
+            through: light.through,
+            rho_s,
+            m,
+            normal: normal(k).map(|v| v as f32),
+            gamma,
+            ..own
+        }
     };
-    match &interior.tissue {
-        InteriorTissue::Slab { sigma_a, sigma_s } => {
-            (grown.sigma_a, grown.sigma_s) = (picked(sigma_a, &seen), picked(sigma_s, &seen));
-        }
-        InteriorTissue::Layers { chlorophyll, carotenoid, absorption } => {
-            (grown.chlorophyll, grown.carotenoid) = (picked(chlorophyll, &seen), picked(carotenoid, &seen));
-            grown.absorption = picked(absorption, &seen);
-        }
-    }
-    grown
-}
-
-/// What a side's camera sees of a map.
-fn picked<T: Copy>(map: &[T], seen: &[usize]) -> Vec<T> {
-    seen.iter().map(|&p| map[p]).collect()
+    (0..size.texels()).map(texel).collect()
 }
 
 #[cfg(test)]

@@ -9,20 +9,21 @@
 
 mod leaf_light;
 
+use crate::Result;
 use crate::dome::{DomeLeaf, index_of, truth};
 use crate::preview;
-use crate::scan::stop_if_asked;
+use crate::scan::{finish, stop_if_asked};
 use crate::spec::{InteriorModel, LeafSpec};
-use crate::{Error, Result};
 use leaf_light::{both_round, on_table, shaded};
+use mesophyll_base::image::{Image, ImageSize};
 use mesophyll_base::random::RandomStream;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::kind::CaptureKind;
 use mesophyll_capture::photo::manifest::{
     GlossStatement, LightTable, PhotoManifest, ReflectanceStatement, Ruler, ShadePhotograph, TransferCurve,
 };
-use mesophyll_files::atomic;
 use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
-use mesophyll_optics::side::Side;
+use mesophyll_optics::side::{Side, Sides};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -121,28 +122,24 @@ impl Pose {
 
 /// What a picture shows of the leaf, pixel by pixel of the sheet: its light, 0 off the leaf, and whether it is there.
 struct Plate {
-    light: Vec<[f64; 3]>,
-    cover: Vec<f64>,
-    width: usize,
+    pixels: Image<(Rgb, f64)>,
 }
 
 impl Plate {
     /// Light and cover at a place of the sheet, weighted linearly between pixels.
-    fn at(&self, [x, y]: [f64; 2]) -> ([f64; 3], f64) {
+    fn at(&self, [x, y]: [f64; 2]) -> (Rgb, f64) {
         let (x, y) = (x - 0.5, y - 0.5);
-        let height = self.cover.len() / self.width;
-        if !(x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (height - 1) as f64) {
-            return ([0.0; 3], 0.0);
+        let ImageSize { width, height } = self.pixels.size;
+        let (mut light, mut cover) = (Rgb::splat(0.0), 0.0);
+        if !(x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64) {
+            return (light, cover);
         }
         let (i, j) = (x as usize, y as usize);
         let (u, v) = (x - i as f64, y - j as f64);
-        let (mut light, mut cover) = ([0.0; 3], 0.0);
-        for (k, w) in
-            [(0, (1.0 - u) * (1.0 - v)), (1, u * (1.0 - v)), (self.width, (1.0 - u) * v), (self.width + 1, u * v)]
-        {
-            let k = j * self.width + i + k;
-            (0..3).for_each(|c| light[c] += w * self.light[k][c]);
-            cover += w * self.cover[k];
+        for (k, w) in [(0, (1.0 - u) * (1.0 - v)), (1, u * (1.0 - v)), (width, (1.0 - u) * v), (width + 1, u * v)] {
+            let (lit, on) = self.pixels[j * width + i + k];
+            light += w * lit;
+            cover += w * on;
         }
         (light, cover)
     }
@@ -154,7 +151,7 @@ impl Plate {
 /// [`Error::Write`] for what cannot be written, [`Error::Interrupted`] after Ctrl-C.
 pub fn capture(spec: &LeafSpec, blade: &DomeLeaf, options: &Options, folder: &Path) -> Result<PhotoManifest> {
     let leaf = &blade.leaf;
-    let (w, h) = (leaf.width, leaf.height);
+    let ImageSize { width: w, height: h } = leaf.size;
     let mut stream = RandomStream::new(options.seed, &[30]);
     // A true value that differs from the stated one by its standard error times a normal deviate.
     let mut true_value = |[stated, err]: [f64; 2]| {
@@ -164,15 +161,12 @@ pub fn capture(spec: &LeafSpec, blade: &DomeLeaf, options: &Options, folder: &Pa
     let (card, sheet, table) = (true_value(CARD_REFLECTANCE), true_value(SHEET), true_value(TABLE));
     let caliper = true_value([spec.thickness_mm, CALIPER_MM]);
     let slips = [0, 1, 2, 3].map(|_| true_value([0.0, 1.0]));
-    let cover: [Vec<f64>; 2] =
-        [Side::Front, Side::Back].map(|s| leaf.mask_of(s).iter().map(|m| f64::from(u8::from(*m))).collect());
-    let plates = |[front, back]: [Vec<[f64; 3]>; 2]| {
-        let plate = |light: Vec<[f64; 3]>, cover: &[f64]| Plate {
-            light: light.into_iter().zip(cover).map(|(v, on)| v.map(|v| v * on)).collect(),
-            cover: cover.to_vec(),
-            width: w,
-        };
-        [plate(front, &cover[0]), plate(back, &cover[1])]
+    let plates = |light: Sides<Vec<Rgb>>| {
+        Sides::of(|side| {
+            let cover = leaf.mask_of(side).into_iter().map(|on| f64::from(u8::from(on)));
+            let pixels = light[side].iter().zip(cover).map(|(v, on)| (*v * on, on)).collect();
+            Plate { pixels: Image { size: leaf.size, pixels } }
+        })
     };
     let round = both_round(leaf);
     let (shade, through) = (plates(shaded(blade, &round, sheet)), plates(on_table(blade, &round, table, SPREAD_MM)));
@@ -181,26 +175,27 @@ pub fn capture(spec: &LeafSpec, blade: &DomeLeaf, options: &Options, folder: &Pa
     let pixel_mm = leaf.texel_mm;
     let length_mm = (0.55 * w as f64 * pixel_mm / 10.0).floor().max(1.0) * 10.0;
     let still = |p: [f64; 2]| sheet_with_things(p, [w, h], pixel_mm, card, sheet);
-    let put = |name: &str, place: u64, value: &(dyn Fn([f64; 2]) -> [f64; 3] + Sync)| {
+    let put = |name: &str, place: u64, value: &(dyn Fn([f64; 2]) -> Rgb + Sync)| {
         stop_if_asked(folder)?;
         photograph(&folder.join(name), spec, options, [w, h], place, value)
     };
-    for (s, (name, pose)) in ["front.exr", "back.exr"].into_iter().zip(&poses).enumerate() {
-        put(name, s as u64, &|p| {
+    for ((side, shade), pose) in shade.iter().zip(&poses) {
+        put(&format!("{side}.exr"), side as u64, &|p| {
             let q = pose.sheet(p);
-            let ((leaf, on), light) = (shade[s].at(q), sky(q, [w, h]));
-            leaf.map(|l| light * (l + (1.0 - on) * still(q)))
+            let ((leaf, on), light) = (shade.at(q), sky(q, [w, h]));
+            light * (leaf + (1.0 - on) * still(q))
         })?;
     }
-    for (s, (name, place)) in [("table_leaf.exr", 2), ("table_turned.exr", 4)].into_iter().enumerate() {
+    for ((side, through), (name, place)) in through.iter().zip([("table_leaf.exr", 2), ("table_turned.exr", 4)]) {
+        let s = side as usize;
         put(name, place, &|p| {
-            let (leaf, on) = through[s].at(poses[2 + s].sheet(p));
+            let (leaf, on) = through.at(poses[2 + s].sheet(p));
             leaf.map(|l| DRIFT[s] * lamp(p, [w, h]) * (l + 1.0 - on))
         })?;
     }
-    put("table_bare.exr", 3, &|p| [lamp(p, [w, h]); 3])?;
-    for (s, side) in [Side::Front, Side::Back].into_iter().enumerate() {
-        write_exr(&mesophyll_capture::truth_path(folder, side), &truth(blade, side, &blade.shown[s], s), Packing::Zip)?;
+    put("table_bare.exr", 3, &|p| Rgb::splat(lamp(p, [w, h])))?;
+    for side in Side::ALL {
+        write_exr(&mesophyll_capture::truth_path(folder, side), &truth(blade, side), Packing::Zip)?;
         preview::write(folder, leaf, side)?;
     }
     let card_of = |pose: &Pose| {
@@ -249,9 +244,7 @@ pub fn capture(spec: &LeafSpec, blade: &DomeLeaf, options: &Options, folder: &Pa
         },
         gloss: Some(GlossStatement { index: index_of(spec), index_err: 0.05, slope: [spec.front.m, spec.back.m] }),
     };
-    let text = toml::to_string(&manifest).map_err(|e| Error::write(&folder.join("capture.toml"), e))?;
-    atomic::write_bytes(&folder.join("capture.toml"), text.as_bytes())?;
-    Ok(manifest)
+    finish(folder, manifest)
 }
 
 /// Reflectance of the sheet, and of the card and the ruler on it, at a place of the sheet.
@@ -295,10 +288,10 @@ fn photograph(
     options: &Options,
     [w, h]: [usize; 2],
     place: u64,
-    value: &(dyn Fn([f64; 2]) -> [f64; 3] + Sync),
+    value: &(dyn Fn([f64; 2]) -> Rgb + Sync),
 ) -> Result<()> {
     let (gain, read) = (spec.device.gain, spec.device.noise_floor);
-    let rows: Vec<Vec<[f32; 3]>> = (0..h)
+    let rows: Vec<Vec<Rgb<f32>>> = (0..h)
         .into_par_iter()
         .map(|j| {
             let mut stream = RandomStream::new(options.seed, &[32, place, j as u64]);
@@ -308,7 +301,7 @@ fn photograph(
                     let [x, y] = [p[0] / w as f64 - 0.5, p[1] / h as f64 - 0.5];
                     let vignette = 1.0 - 2.0 * spec.device.vignette * (x * x + y * y);
                     let light = value(p);
-                    [0, 1, 2].map(|c: usize| {
+                    Rgb::of(|c| {
                         let v = gain[c] * vignette * light[c];
                         if options.noise == 0.0 {
                             return v.min(1.0) as f32;
@@ -322,8 +315,6 @@ fn photograph(
         })
         .collect();
     let mut maps = ChannelMaps::new(w, h);
-    for (c, name) in ["R", "G", "B"].iter().enumerate() {
-        maps.push(*name, rows.iter().flatten().map(|v| v[c]).collect());
-    }
+    maps.push_rgb(&rows.concat());
     write_exr(path, &maps, Packing::Zip)
 }

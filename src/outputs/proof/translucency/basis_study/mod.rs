@@ -21,7 +21,7 @@ use mesophyll_optics::translucency::basis::{HemisphereBasis, SampleWeights};
 use mesophyll_optics::translucency::blade::{BladeMaps, SurfaceMaps};
 use mesophyll_optics::translucency::lights::DirectionRule;
 use mesophyll_optics::translucency::relief;
-use mesophyll_synth::leaf::SyntheticLeaf;
+use mesophyll_synth::leaf::{SyntheticLeaf, SyntheticTexel};
 use mesophyll_synth::spec::{InteriorModel, LeafSpec};
 
 /// The directions with which bases are judged.
@@ -91,20 +91,22 @@ pub fn piece(spec: &LeafSpec, texel_mm: f64, centre_mm: [f64; 2], size_mm: [f64;
     }
     // The back's maps are brought into the front's columns, cut, and turned back.
     let cut = |k: usize| (top + k / cw) * w + left + k % cw;
-    let of = |k: usize| w * (k / w) + w - 1 - k % w;
     let n = cw * ch;
     let mask: Vec<bool> = (0..n).map(|k| leaf.mask[cut(k)]).collect();
     if !mask.contains(&true) {
         return Err(missing());
     }
-    let thickness: Vec<f64> = (0..n).map(|k| f64::from(leaf.front.thickness[cut(k)])).collect();
-    let front = (0..n).map(|k| (leaf.front.normal[cut(k)], leaf.front.rho_d[cut(k)][1])).collect::<Vec<_>>();
-    let back =
-        mirror(&(0..n).map(|k| (leaf.back.normal[of(cut(k))], leaf.back.rho_d[of(cut(k))][1])).collect::<Vec<_>>(), cw);
-    let surface = |maps: &[([f32; 3], f32)], mask: &[bool]| {
-        let normal: Vec<[f64; 3]> =
-            maps.iter().zip(mask).map(|((n, _), on)| if *on { n.map(f64::from) } else { [0.0, 0.0, 1.0] }).collect();
-        let entry = maps.iter().map(|(_, r)| 1.0 - f64::from(*r)).collect();
+    let part =
+        |side: Side| -> Vec<SyntheticTexel> { (0..n).map(|k| leaf.sides[side][side.in_front(cut(k), w)]).collect() };
+    let (front, back) = (part(Side::Front), mirror(&part(Side::Back), cw));
+    let thickness = front.iter().map(|t| f64::from(t.thickness)).collect();
+    let surface = |texels: &[SyntheticTexel], mask: &[bool]| {
+        let normal: Vec<[f64; 3]> = texels
+            .iter()
+            .zip(mask)
+            .map(|(t, on)| if *on { t.normal.map(f64::from) } else { [0.0, 0.0, 1.0] })
+            .collect();
+        let entry = texels.iter().map(|t| 1.0 - f64::from(t.rho_d[1])).collect();
         SurfaceMaps { height: relief::heights(&normal, mask, cw, ch, texel_mm), normal, entry }
     };
     let (front, back) = (surface(&front, &mask), surface(&back, &mirror(&mask, cw)));
