@@ -97,7 +97,7 @@ fn angle(maps: &ChannelMaps, r: &DomeMaps, side: Side, k: usize) -> f64 {
     let cos: f64 = ["X", "Y", "Z"]
         .iter()
         .enumerate()
-        .map(|(c, n)| f64::from(map(maps, &format!("normal.{n}"))[k]) * r.side(side).normal[k][c])
+        .map(|(c, n)| f64::from(map(maps, &format!("normal.{n}"))[k]) * r.sides[side].normal[k][c])
         .sum();
     cos.min(1.0).acos().to_degrees()
 }
@@ -114,7 +114,7 @@ fn an_exact_capture_gives_back_its_truth() {
     let (mean, sd) = moments(inner(0).map(|k| r.thickness[k] - f64::from(d[k])));
     assert!(sd < 0.02 * 0.15 && mean.abs() < 3.0 * r.alignment.offset_err_mm, "{mean} {sd} {:?}", r.alignment);
     for s in SIDES {
-        let (maps, side) = (truth(&capture, s), r.side(s));
+        let (maps, side) = (truth(&capture, s), &r.sides[s]);
         assert!(r.defects(s).is_empty(), "{:?}", r.defects(s));
         // The limit contains the part of the highlight that is left where the stated index gives a wrong share for
         // mirroring along the normal, divided by the true share of the dome that a texel sees. The truth contains both:
@@ -141,7 +141,7 @@ fn an_exact_capture_gives_back_its_truth() {
 fn the_stated_errors_are_those_met() {
     let (_, capture, r) = noisy();
     for s in SIDES {
-        let (maps, side) = (truth(capture, s), r.side(s));
+        let (maps, side) = (truth(capture, s), &r.sides[s]);
         for (c, end) in ["R", "G", "B"].iter().enumerate() {
             let t = map(&maps, &format!("transmittance.{end}"));
             let pull =
@@ -175,7 +175,7 @@ fn the_blade_is_ready_for_light() {
         let blade = r.blade(c);
         blade.validate().unwrap();
         let enters: f64 = blade.front.entry.iter().sum::<f64>() / blade.front.entry.len() as f64;
-        let albedo = moments(inner(0).map(|k| r.front.albedo[k][c])).0;
+        let albedo = moments(inner(0).map(|k| r.sides.front.albedo[k][c])).0;
         assert!((enters + albedo - 1.0).abs() < 1e-3);
     }
     // Heights point outward from the middle plane. Their sum is the thickness, with a slightly different smoothing.
@@ -195,13 +195,13 @@ fn noise_and_highlight_that_are_not_stated() {
     let seen = r.alignment.height_noise_mm;
     assert!((0.007..0.016).contains(&seen), "{seen}: fine veins count as noise");
     for s in SIDES {
-        let (h, before) = (r.side(s).highlight, told.side(s).highlight);
+        let (h, before) = (r.sides[s].highlight, told.sides[s].highlight);
         assert!(
             !h.stated && h.stderr > before.stderr && (h.share - before.share).abs() < 2.0 * h.stderr,
             "{h:?} {before:?}"
         );
     }
-    let (a, b) = (r.front.transmittance_err[550][1], told.front.transmittance_err[550][1]);
+    let (a, b) = (r.sides.front.transmittance_err[550][1], told.sides.front.transmittance_err[550][1]);
     assert!((0.3..3.0).contains(&(a / b)), "{a} {b}");
 }
 

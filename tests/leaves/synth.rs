@@ -2,7 +2,7 @@
 //! requests.
 
 use assert_cmd::Command;
-use mesophyll::capture::manifest::{TubeManifest, frame_path, mirror_path, texel_position, white_path};
+use mesophyll::capture::manifest::{TubeManifest, frame_path, mirror_path, white_path};
 use mesophyll::files::image::{exr_info, read_exr};
 use mesophyll::files::quantity::Quantity;
 use mesophyll::optics::side::Side;
@@ -85,7 +85,7 @@ fn a_capture_is_complete_and_calibrates_to_its_truth() {
     let (frame, white) = (read("front/x/0007.exr"), read("white/x/0007.exr"));
     assert_eq!((white.width, white.height), (32, 24));
     for k in (0..32 * 24).filter(|&k| get(&mask, "Y", k) > 0.5) {
-        let [x, y] = texel_position(32, 24, manifest.texel_mm, k % 32, k / 32);
+        let [x, y] = manifest.size().place_mm(manifest.texel_mm, k);
         let [u, h] = [(250.0 - x) / 100.0, 100.0];
         let r = f64::hypot(1.0, u);
         let half = |end: f64| {

@@ -3,6 +3,7 @@
 use super::{Args, said, shown};
 use crate::cli::CommonArgs;
 use crate::cli::Result;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::dome::inspection::{DomeInspection, SideSummary, inspect};
 use std::fmt::Write;
 
@@ -69,7 +70,7 @@ fn text(f: &DomeInspection) -> String {
 }
 
 fn side(s: &SideSummary) -> String {
-    let colour = |v: [f64; 3]| v.map(|v| format!("{v:.4}")).join(" ");
+    let colour = |v: Rgb| v.0.map(|v| format!("{v:.4}")).join(" ");
     let defects: Vec<String> = s.defects.iter().map(|(name, n)| format!(", {n} {name}")).collect();
     format!(
         "{:>22}  albedo {}, transmittance {} (medians); highlight {:.4} ± {:.4}{}{}",

@@ -82,7 +82,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutc
 
 /// σ of the leaf, and σ and γ of every texel, for one side.
 fn interior(capture: &DomeCapture, reduced: &DomeMaps, name: Side) -> Result<DomeSideFit> {
-    let (side, width) = (reduced.side(name), reduced.width);
+    let (side, width) = (&reduced.sides[name], reduced.size.width);
     let own = |map: &[f64]| match name {
         Side::Front => map.to_vec(),
         Side::Back => mesophyll_optics::side::mirror(map, width),

@@ -9,6 +9,7 @@ use crate::leaf::faults::transmittance::{self, TransmittanceView};
 use crate::leaf_folder::{BLADE, LeafFitFile, filling, previews};
 use crate::record::fault::MeasurementFault;
 use crate::record::{FitParameter, FitRecord, RecordSection, TruthError};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::{median, upper_quantile};
 use mesophyll_capture::dome::DomeCapture;
 use mesophyll_capture::dome::highlight::fresnel_normal;
@@ -88,8 +89,8 @@ pub fn write(
 
 /// Faults that the photographs and the scans show of themselves.
 fn faults(reduced: &DomeMaps, sides: &[DomeSideFit; 2], width: usize) -> Vec<MeasurementFault> {
-    let single = |side: Side| -> Vec<[f32; 3]> {
-        reduced.side(side).transmittance.iter().map(|t| t.map(|v| v as f32)).collect()
+    let single = |side: Side| -> Vec<Rgb<f32>> {
+        reduced.sides[side].transmittance.iter().map(|t| t.map(|v| v as f32)).collect()
     };
     let on = |fitted: &DomeSideFit| -> Vec<bool> { fitted.status.iter().map(|s| *s != 0).collect() };
     let (front, back) = ((on(&sides[0]), single(Side::Front)), (on(&sides[1]), single(Side::Back)));
@@ -119,21 +120,21 @@ fn mean(fitted: &DomeSideFit) -> f64 {
 
 /// The blade's mesh halfway between both sides, from the normals of the front.
 fn blade(grid: &TexelGrid, reduced: &DomeMaps) -> Option<BladeMesh> {
-    let side = &reduced.front;
+    let side = &reduced.sides.front;
     let slopes: Vec<Option<[f64; 2]>> = side
         .normal
         .iter()
         .zip(&side.status)
         .map(|(n, status)| (*status == 1 && n[2] > 0.2).then(|| [-n[0] / n[2], -n[1] / n[2]]))
         .collect();
-    let through: Vec<[f32; 3]> =
+    let through: Vec<Rgb<f32>> =
         side.transmittance.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
     mesh::build(grid, &reduced.mask, Some(&through), &slopes)
 }
 
 fn maps(grid: &TexelGrid, reduced: &DomeMaps, fitted: &DomeSideFit, options: &Options) -> (ChannelMaps, ChannelMaps) {
     let (width, height) = (grid.width, grid.height);
-    let side = reduced.side(fitted.side);
+    let side = &reduced.sides[fitted.side];
     let which = usize::from(fitted.side == Side::Back);
     let slope_err = reduced.alignment.slope_error[which];
     let good: Vec<bool> = fitted.status.iter().map(|s| *s == 1).collect();
@@ -205,7 +206,7 @@ fn section(reduced: &DomeMaps, fitted: &DomeSideFit) -> RecordSection {
         ..FitParameter::default()
     };
     s.params.insert("thickness".into(), thickness);
-    let side = reduced.side(fitted.side);
+    let side = &reduced.sides[fitted.side];
     let a = &reduced.alignment;
     let which = usize::from(fitted.side == Side::Back);
     let figures = [

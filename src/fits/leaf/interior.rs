@@ -290,7 +290,7 @@ impl Good {
         let rho_d_err = Rgb::of(|c| texels::error(maps, Quantity::RhoD, c));
         let by_dark = Rgb::of(|c| texels::by_dark(maps, c));
         let texel = |k: usize| {
-            let rho_t = Rgb(measured.rho_t[k]).map(f64::from);
+            let rho_t = measured.rho_t[k].map(f64::from);
             let floor = |c: usize| {
                 (f64::from(measured.rho_t_err[k][c]).powi(2) - (relative * rho_t[c]).powi(2)).max(1e-18).sqrt()
             };

@@ -39,12 +39,11 @@ impl CameraNoise {
     /// The noise of the readings at each of `texels`, by the gain and the dark level there.
     pub fn readings(&self, capture: &TubeCapture, texels: &[[u32; 2]]) -> Vec<ReadingNoise> {
         let width = capture.manifest.width;
-        let of = |(t, gain): (&[u32; 2], [f64; 3])| {
-            let gain = Rgb(gain);
+        let of = |(t, gain): (&[u32; 2], Rgb)| {
             let dark = match capture.dark() {
                 // Noise that was estimated from calibrated traces already contains the part of the dark level.
                 Some(dark) if !self.estimated => {
-                    Rgb(dark[t[1] as usize * width + t[0] as usize]).map(|d| f64::from(d).max(0.0))
+                    dark[t[1] as usize * width + t[0] as usize].map(|d| f64::from(d).max(0.0))
                 }
                 _ => Rgb::default(),
             };
@@ -79,7 +78,7 @@ pub fn level(capture: &TubeCapture, splits: &FrameSplits) -> Result<CameraNoise>
     let (relative, floor) = (relative.max(LEAST_RELATIVE), floor.max(LEAST_FLOOR));
     let dark = capture.dark().and_then(|d| roughness(d, m.width, |_, _| Rgb::splat(1.0))).map_or(0.0, |r| r.0);
     let empty = capture.lightbox_empty()?;
-    let taken_off = |k: usize| capture.dark().map_or(Rgb::default(), |d| Rgb(d[k]).map(|v| f64::from(v).max(0.0)));
+    let taken_off = |k: usize| capture.dark().map_or(Rgb::default(), |d| d[k].map(|v| f64::from(v).max(0.0)));
     let of_a_frame = |k: usize, value: Rgb| (relative * (value + taken_off(k))).map(|v| v.hypot(floor * median_gain));
     // The photograph's own noise, without that of the dark frame which was subtracted.
     let lightbox = roughness(&empty, m.width, of_a_frame)
@@ -97,7 +96,7 @@ pub fn level(capture: &TubeCapture, splits: &FrameSplits) -> Result<CameraNoise>
 /// this place and value would have. The noise is found from third differences along rows, whose variance is 20 times
 /// that of a sample. Each difference is divided by its own unit, because one median over differences of unequal units
 /// would come out too small.
-fn roughness(image: &[[f32; 3]], width: usize, unit: impl Fn(usize, Rgb) -> Rgb) -> Option<(f64, f64)> {
+fn roughness(image: &[Rgb<f32>], width: usize, unit: impl Fn(usize, Rgb) -> Rgb) -> Option<(f64, f64)> {
     let (mut differences, mut units) = (Vec::new(), Vec::new());
     for (row, values) in image.chunks(width).enumerate() {
         for (i, w) in values.windows(4).enumerate() {
@@ -252,9 +251,9 @@ mod tests {
             let (u, v) = ((k % width) as f64 / width as f64 - 0.5, (k / width) as f64 / height as f64 - 0.5);
             1.0 - 1.2 * (u * u + v * v)
         };
-        let image: Vec<[f32; 3]> = (0..width * height)
+        let image: Vec<Rgb<f32>> = (0..width * height)
             .map(|k| {
-                [1.0, 0.75, 0.5].map(|c| {
+                Rgb([1.0, 0.75, 0.5]).map(|c| {
                     let (a, b): (f64, f64) = (rng.random(), rng.random());
                     let z = (-2.0 * a.max(1e-300).ln()).sqrt() * (std::f64::consts::TAU * b).cos();
                     (c * level(k) * (1.0 + 0.004 * z)) as f32

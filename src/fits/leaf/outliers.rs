@@ -102,7 +102,7 @@ pub fn of_leaf(texels: &[LeafWideTexel], wide: &LeafWideFit, h: f64) -> Vec<(usi
 /// For every texel whose reading failed ([`failed_reading`]), the good texels around it with the most similar
 /// transmittance, as places in `at`. `rho_t` is the measured transmittance of every texel. A failed texel without good
 /// texels nearby gets no list.
-pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[[f32; 3]], width: usize) -> Vec<GaugeSubstitutes> {
+pub fn stand_ins(mask: &[i16], at: &[u32], rho_t: &[Rgb<f32>], width: usize) -> Vec<GaugeSubstitutes> {
     let mut place = vec![u32::MAX; mask.len()];
     for (n, &k) in at.iter().enumerate() {
         place[k as usize] = n as u32;

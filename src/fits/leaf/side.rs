@@ -3,6 +3,7 @@
 use crate::leaf::noise::CameraNoise;
 use crate::{Error, Result};
 use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::lightbox::{mask_from_transmission, transmittance};
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::side::{Side, mirror};
@@ -12,10 +13,10 @@ use mesophyll_optics::side::{Side, mirror};
 pub struct SideTransmittance {
     pub side: Side,
     pub mask: Vec<bool>,
-    pub rho_t: Vec<[f32; 3]>,
-    pub rho_t_err: Vec<[f32; 3]>,
+    pub rho_t: Vec<Rgb<f32>>,
+    pub rho_t_err: Vec<Rgb<f32>>,
     /// Change of ρt when the dark frame is one standard deviation too high.
-    pub rho_t_by_dark: Vec<[f32; 3]>,
+    pub rho_t_by_dark: Vec<Rgb<f32>>,
 }
 
 impl SideTransmittance {

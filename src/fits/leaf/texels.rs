@@ -161,12 +161,12 @@ impl Job<'_> {
                 |(workspace, trace_x, trace_y), (n, t)| {
                     go_on()?;
                     for (to, frame) in trace_x.iter_mut().zip(&x) {
-                        *to = frame[n];
+                        *to = frame[n].0;
                     }
                     for (to, frame) in trace_y.iter_mut().zip(&y) {
-                        *to = frame[n];
+                        *to = frame[n].0;
                     }
-                    let at = manifest.texel_position(t[0] as usize, t[1] as usize);
+                    let at = manifest.texel_position(*t);
                     let second = (!trace_y.is_empty()).then_some(trace_y.as_slice());
                     Ok(self.fitter.fit_under(&noise[n], workspace, at, trace_x, second))
                 },

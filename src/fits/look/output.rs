@@ -6,6 +6,7 @@ use crate::leaf::blade::{TexelGrid, glb, mesh};
 use crate::leaf_folder::{BLADE, LeafFitFile, previews};
 use crate::record::{FitParameter, FitRecord, RecordSection, STATED};
 use crate::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::hash;
 use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_files::quantity::Quantity;
@@ -27,7 +28,7 @@ pub(super) fn write(out: &Path, look: &Look, name: &str, found: &Texels, record:
         names.push(LeafFitFile::Maps.name(side));
     }
     let grid = TexelGrid { width: found.width, height: found.height, texel: found.texel_mm };
-    let through: Vec<[f32; 3]> = found.cover.iter().map(|c| [1.0 - c; 3]).collect();
+    let through: Vec<Rgb<f32>> = found.cover.iter().map(|c| Rgb::splat(1.0 - c)).collect();
     let flat = vec![Some([0.0; 2]); found.on.len()];
     let Some(blade) = mesh::build(&grid, &found.on, Some(&through), &flat) else {
         return Err(Error::input(&look.albedo, "the outline is too small for a mesh; expected the shape of a leaf"));

@@ -52,8 +52,8 @@ pub fn write(
     }
     // Open shade shows no normals, so the blade is flat.
     let flat = vec![Some([0.0; 2]); grid.width * grid.height];
-    let through: Vec<[f32; 3]> =
-        reduced.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 }).0).collect();
+    let through: Vec<Rgb<f32>> =
+        reduced.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
     if let Some(blade) = mesh::build(&grid, &reduced.mask, Some(&through), &flat) {
         glb::write(&out.join(BLADE), &manifest.name, &blade)?;
         let figures = [("blade_area_mm2", blade.area), ("blade_vertices", blade.positions.len() as f64)];

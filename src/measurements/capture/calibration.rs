@@ -4,9 +4,12 @@
 //! Plain division by the white frame would make every white texel 1 in every frame, and the effect of the tube's
 //! distance would be lost. D puts it back (Gardner et al. 2003; the normalisation is documented in `data/README.md`).
 
-use crate::manifest::{TubeManifest, TubePass, texel_position, white_path};
+use crate::manifest::{TubeManifest, TubePass, white_path};
 use crate::{Error, Result};
+use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::image::{exr_info, read_exr_rows};
+use mesophyll_files::quantity::RGB;
 use mesophyll_optics::tube::{Travel, Tube};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -40,11 +43,10 @@ pub fn white_response(tube: &Tube, travel: Travel, position: f64, at: [f64; 2]) 
 /// The camera value of a texel whose calibrated value is 1, for each frame, on a coarse grid over the blade.
 #[derive(Debug)]
 pub struct FrameGain {
-    width: usize,
-    height: usize,
-    blade: [usize; 2],
-    /// `frames[k][row · width + column]`
-    frames: Vec<Vec<[f32; 3]>>,
+    size: ImageSize,
+    blade: ImageSize,
+    /// The grid of each frame.
+    frames: Vec<Vec<Rgb<f32>>>,
 }
 
 impl FrameGain {
@@ -53,7 +55,7 @@ impl FrameGain {
         folder: &Path,
         manifest: &TubeManifest,
         pass: &TubePass,
-        dark: Option<&[[f32; 3]]>,
+        dark: Option<&[Rgb<f32>]>,
     ) -> Result<FrameGain> {
         let positions = pass.positions();
         let reflectance = manifest.white_reflectance.unwrap_or(1.0);
@@ -61,7 +63,7 @@ impl FrameGain {
         let (w, h) = (first.width, first.height);
         // Average k×k blocks so that at most GRID columns are left.
         let block = w.div_ceil(GRID).max(1);
-        let (gw, gh) = (w.div_ceil(block), h.div_ceil(block));
+        let grid = ImageSize::new(w.div_ceil(block), h.div_ceil(block));
         let frames = positions
             .par_iter()
             .enumerate()
@@ -77,36 +79,33 @@ impl FrameGain {
                         ),
                     ));
                 }
-                let maps = read_exr_rows(&path, Some(&super::reader::RGB), None)?;
-                let mut sums = vec![[0f64; 3]; gw * gh];
-                let mut counts = vec![[0u32; 3]; gw * gh];
+                let maps = read_exr_rows(&path, Some(&RGB), None)?;
+                let mut sums = vec![Rgb::<(f64, u32)>::default(); grid.texels()];
                 for j in 0..h {
                     for i in 0..w {
-                        let at = texel_position(w, h, manifest.texel_mm * manifest.width as f64 / w as f64, i, j);
+                        let wide = manifest.texel_mm * manifest.width as f64 / w as f64;
+                        let at = ImageSize::new(w, h).place_mm(wide, j * w + i);
                         let response = reflectance * white_response(&manifest.tube, pass.name, position, at);
-                        let dark = dark.map_or([0.0; 3], |d| {
+                        let dark = dark.map_or(Rgb::default(), |d| {
                             let column = ((i as f64 + 0.5) * manifest.width as f64 / w as f64) as usize;
                             let row = ((j as f64 + 0.5) * manifest.height as f64 / h as f64) as usize;
                             d[row.min(manifest.height - 1) * manifest.width + column.min(manifest.width - 1)]
                         });
-                        let cell = (j / block) * gw + i / block;
-                        for c in 0..3 {
+                        for (c, (sum, count)) in sums[(j / block) * grid.width + i / block].iter_mut().enumerate() {
                             let v = f64::from(maps.channels[c].1[j * w + i]) - f64::from(dark[c]);
                             if v.is_finite() {
-                                sums[cell][c] += v / response;
-                                counts[cell][c] += 1;
+                                *sum += v / response;
+                                *count += 1;
                             }
                         }
                     }
                 }
-                let mut out = vec![[f32::NAN; 3]; gw * gh];
-                for (o, (s, n)) in out.iter_mut().zip(sums.iter().zip(&counts)) {
-                    for c in 0..3 {
-                        let gain = s[c] / f64::from(n[c]);
-                        // A white sheet that reads nothing cannot calibrate: the frame has no reading there.
-                        o[c] = if gain > 0.0 { gain as f32 } else { f32::NAN };
-                    }
-                }
+                // A white sheet that reads nothing cannot calibrate: the frame has no reading there.
+                let gain = |(sum, count): (f64, u32)| {
+                    let gain = sum / f64::from(count);
+                    if gain > 0.0 { gain as f32 } else { f32::NAN }
+                };
+                let out: Vec<Rgb<f32>> = sums.into_iter().map(|cell| cell.map(gain)).collect();
                 if out.iter().flatten().all(|g| g.is_nan()) {
                     return Err(Error::input(
                         &path,
@@ -116,7 +115,7 @@ impl FrameGain {
                 Ok(out)
             })
             .collect::<Result<Vec<_>>>()?;
-        Ok(FrameGain { width: gw, height: gh, blade: [manifest.width, manifest.height], frames })
+        Ok(FrameGain { size: grid, blade: manifest.size(), frames })
     }
 
     /// Gains of all frames, cells and channels.
@@ -125,52 +124,39 @@ impl FrameGain {
     }
 
     /// The gain of frame `k` at each of `texels`.
-    pub fn at(&self, k: usize, texels: &[[u32; 2]]) -> Vec<[f32; 3]> {
-        let mut gains = vec![[f32::NAN; 3]; texels.len()];
-        self.interpolate(&self.frames[k], texels, |n, gain| gains[n] = gain);
-        gains
+    pub fn at(&self, k: usize, texels: &[[u32; 2]]) -> Vec<Rgb<f32>> {
+        self.interpolate(&self.frames[k], texels).collect()
     }
 
     /// Divides the values of frame `k` at `texels` by the interpolated gain.
-    pub fn divide(&self, k: usize, texels: &[[u32; 2]], values: &mut [[f32; 3]]) {
-        self.interpolate(&self.frames[k], texels, |n, gain| {
-            for (v, g) in values[n].iter_mut().zip(gain) {
-                *v /= g;
-            }
-        });
+    pub fn divide(&self, k: usize, texels: &[[u32; 2]], values: &mut [Rgb<f32>]) {
+        values.iter_mut().zip(self.interpolate(&self.frames[k], texels)).for_each(|(v, gain)| *v /= gain);
     }
 
     /// The gain at each of `texels`, averaged over the frames.
-    pub fn mean(&self, texels: &[[u32; 2]]) -> Vec<[f32; 3]> {
+    pub fn mean(&self, texels: &[[u32; 2]]) -> Vec<Rgb<f32>> {
         let mean = |cell: usize, c: usize| {
             let good = self.frames.iter().map(|f| f[cell][c]).filter(|v| v.is_finite());
             let (sum, count) = good.fold((0.0, 0u32), |(sum, count), v| (sum + f64::from(v), count + 1));
             (sum / f64::from(count)) as f32
         };
-        let grid: Vec<[f32; 3]> = (0..self.width * self.height).map(|cell| [0, 1, 2].map(|c| mean(cell, c))).collect();
-        let mut gains = vec![[f32::NAN; 3]; texels.len()];
-        self.interpolate(&grid, texels, |n, gain| gains[n] = gain);
-        gains
+        let grid: Vec<Rgb<f32>> = (0..self.size.texels()).map(|cell| Rgb::of(|c| mean(cell, c))).collect();
+        self.interpolate(&grid, texels).collect()
     }
 
-    /// Calls `take` with the number of each texel and the interpolated value of the grid there.
-    fn interpolate(&self, grid: &[[f32; 3]], texels: &[[u32; 2]], mut take: impl FnMut(usize, [f32; 3])) {
-        let (w, h) = (self.width, self.height);
-        for (n, t) in texels.iter().enumerate() {
-            let x = ((f64::from(t[0]) + 0.5) * w as f64 / self.blade[0] as f64 - 0.5).clamp(0.0, (w - 1) as f64);
-            let y = ((f64::from(t[1]) + 0.5) * h as f64 / self.blade[1] as f64 - 0.5).clamp(0.0, (h - 1) as f64);
+    /// The interpolated value of the grid at each of `texels`.
+    fn interpolate(&self, grid: &[Rgb<f32>], texels: &[[u32; 2]]) -> impl Iterator<Item = Rgb<f32>> {
+        let ImageSize { width: w, height: h } = self.size;
+        texels.iter().map(move |t| {
+            let x = ((f64::from(t[0]) + 0.5) * w as f64 / self.blade.width as f64 - 0.5).clamp(0.0, (w - 1) as f64);
+            let y = ((f64::from(t[1]) + 0.5) * h as f64 / self.blade.height as f64 - 0.5).clamp(0.0, (h - 1) as f64);
             let (i, j) = ((x as usize).min(w.saturating_sub(2)), (y as usize).min(h.saturating_sub(2)));
             let (i1, j1) = ((i + 1).min(w - 1), (j + 1).min(h - 1));
             let (fx, fy) = ((x - i as f64) as f32, (y - j as f64) as f32);
-            take(
-                n,
-                [0, 1, 2].map(|c: usize| {
-                    let top = grid[j * w + i][c] * (1.0 - fx) + grid[j * w + i1][c] * fx;
-                    let low = grid[j1 * w + i][c] * (1.0 - fx) + grid[j1 * w + i1][c] * fx;
-                    top * (1.0 - fy) + low * fy
-                }),
-            );
-        }
+            let top = grid[j * w + i] * (1.0 - fx) + grid[j * w + i1] * fx;
+            let low = grid[j1 * w + i] * (1.0 - fx) + grid[j1 * w + i1] * fx;
+            top * (1.0 - fy) + low * fy
+        })
     }
 }
 

@@ -6,6 +6,7 @@
 pub mod beams;
 pub mod calibration;
 pub mod dome;
+mod folder;
 pub mod goniometer;
 pub mod inspection;
 pub mod kind;

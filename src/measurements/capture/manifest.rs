@@ -3,6 +3,7 @@
 use crate::kind::{self, CaptureKind};
 use crate::manifest_check::ManifestCheck;
 use crate::{Error, Result};
+use mesophyll_base::image::ImageSize;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::{Travel, Tube};
 use serde::{Deserialize, Serialize};
@@ -186,15 +187,15 @@ impl TubeManifest {
         self.passes.iter().find(|p| p.name == travel)
     }
 
-    /// Centre of texel (column i, row j) on the blade (mm): x to the right, y up, origin at the image centre.
-    pub fn texel_position(&self, i: usize, j: usize) -> [f64; 2] {
-        texel_position(self.width, self.height, self.texel_mm, i, j)
+    /// Columns and rows of every frame.
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
     }
-}
 
-/// Centre of texel (i, j) of a `width × height` image of texels `p` mm wide (mm).
-pub fn texel_position(width: usize, height: usize, p: f64, i: usize, j: usize) -> [f64; 2] {
-    [(i as f64 + 0.5 - width as f64 / 2.0) * p, (height as f64 / 2.0 - j as f64 - 0.5) * p]
+    /// Centre of a texel (column, row) on the blade (mm): x to the right, y up, origin at the image centre.
+    pub fn texel_position(&self, [column, row]: [u32; 2]) -> [f64; 2] {
+        self.size().place_mm(self.texel_mm, row as usize * self.width + column as usize)
+    }
 }
 
 /// `CAPTURE/front/x/0007.exr`.

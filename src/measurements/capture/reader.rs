@@ -2,20 +2,19 @@
 //! size.
 
 use crate::calibration::FrameGain;
+use crate::folder::{self, check_image, content_hash, read_rgb};
 use crate::manifest::{TubeManifest, frame_path, mirror_path, white_path};
 use crate::{Error, Result};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::median_of;
-use mesophyll_files::hash;
-use mesophyll_files::image::{ChannelMaps, ExrInfo, exr_info, read_exr, read_exr_rows};
+use mesophyll_files::image::{ChannelMaps, read_exr_rows};
+use mesophyll_files::quantity::RGB;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-
-/// The channels of every frame.
-pub const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// A validated capture. It holds no frames: they are read in bands of rows.
 #[derive(Debug)]
@@ -34,10 +33,10 @@ pub struct TubeCapture {
 
 /// Calibrated frames of one pass over a set of texels: `frames[k][n]` is the k-th frame asked for at the n-th texel
 /// asked for.
-pub type FrameBand = Vec<Vec<[f32; 3]>>;
+pub type FrameBand = Vec<Vec<Rgb<f32>>>;
 
-/// One RGB triple a texel of the whole image, row-major.
-pub type FramePixels = Vec<[f32; 3]>;
+/// The colours of a whole image, row by row.
+pub type FramePixels = Vec<Rgb<f32>>;
 
 impl TubeCapture {
     /// Opens `folder`: reads the manifest, checks that every frame exists with the right size and channels, and loads
@@ -57,11 +56,11 @@ impl TubeCapture {
             .chain(manifest.sides.iter().map(|s| folder.join(s.name()).join("lightbox.exr")))
             .chain([folder.join("lightbox_empty.exr")])
             .collect();
-        wanted.par_iter().try_for_each(|path| check_image(path, &manifest))?;
+        wanted.par_iter().try_for_each(|path| check_image(path, &RGB, manifest.size()))?;
         let dark_path = folder.join("dark.exr");
         let dark = if dark_path.exists() {
-            check_image(&dark_path, &manifest)?;
-            Some(interleave(&read_exr_rows(&dark_path, Some(&RGB), None)?))
+            check_image(&dark_path, &RGB, manifest.size())?;
+            Some(read_rgb(&dark_path)?)
         } else {
             None
         };
@@ -81,14 +80,9 @@ impl TubeCapture {
         Ok(TubeCapture { folder: folder.to_path_buf(), manifest, dark, gains, median_gain: OnceLock::new() })
     }
 
-    /// Content hash of everything that a fit reads. The whole content of the frames is hashed: names, sizes and a
-    /// sample of the bytes would miss edits.
+    /// Content hash of everything that a fit reads.
     pub fn hash(&self) -> Result<String> {
-        let files = self.files();
-        let hashes: Vec<String> = files.par_iter().map(|p| hash::file(p)).collect::<Result<_>>()?;
-        let names: Vec<String> =
-            files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
-        Ok(hash::combine(names.iter().map(String::as_str).zip(hashes.iter().map(String::as_str))))
+        content_hash(&self.folder, &self.files())
     }
 
     /// Every file the fit reads, in a fixed order.
@@ -134,13 +128,11 @@ impl TubeCapture {
             .map(|&k| {
                 let path = frame_path(&self.folder, side, travel, k);
                 let maps = read_exr_rows(&path, Some(&RGB), Some(rows.clone()))?;
-                let mut out: Vec<[f32; 3]> =
-                    at.iter().map(|&(local, _)| [0, 1, 2].map(|c: usize| maps.channels[c].1[local])).collect();
+                let mut out: Vec<Rgb<f32>> =
+                    at.iter().map(|&(local, _)| Rgb::of(|c| maps.channels[c].1[local])).collect();
                 if let Some(dark) = &self.dark {
                     for (value, &(_, global)) in out.iter_mut().zip(&at) {
-                        for (v, d) in value.iter_mut().zip(dark[global]) {
-                            *v -= d;
-                        }
+                        *value -= dark[global];
                     }
                 }
                 if let Some(gain) = gain {
@@ -151,7 +143,7 @@ impl TubeCapture {
             .collect()
     }
 
-    /// Light-box photographs of one side, dark-corrected: (leaf, empty box), interleaved RGB of the whole image.
+    /// Light-box photographs of one side, dark-corrected: (leaf, empty box), as colours of the whole image.
     pub fn lightbox(&self, side: Side) -> Result<(FramePixels, FramePixels)> {
         Ok((self.dark_corrected(&self.folder.join(side.name()).join("lightbox.exr"))?, self.lightbox_empty()?))
     }
@@ -162,13 +154,9 @@ impl TubeCapture {
     }
 
     fn dark_corrected(&self, path: &Path) -> Result<FramePixels> {
-        let mut image = interleave(&read_exr_rows(path, Some(&RGB), None)?);
+        let mut image = read_rgb(path)?;
         if let Some(dark) = &self.dark {
-            for (v, d) in image.iter_mut().zip(dark) {
-                for c in 0..3 {
-                    v[c] -= d[c];
-                }
-            }
+            image.iter_mut().zip(dark).for_each(|(v, d)| *v -= *d);
         }
         Ok(image)
     }
@@ -183,78 +171,41 @@ impl TubeCapture {
 
     /// Camera value of the calibrated value 1 at each of `texels`, a channel each: the mean over the passes' white
     /// frames, or 1 where there are none.
-    pub fn gain(&self, texels: &[[u32; 2]]) -> Vec<[f64; 3]> {
-        let passes: Vec<Vec<[f32; 3]>> = self.gains.iter().map(|(_, g)| g.mean(texels)).collect();
-        let mean = |n: usize, c: usize| passes.iter().map(|p| f64::from(p[n][c])).sum::<f64>() / passes.len() as f64;
+    pub fn gain(&self, texels: &[[u32; 2]]) -> Vec<Rgb> {
+        let passes: Vec<Vec<Rgb<f32>>> = self.gains.iter().map(|(_, g)| g.mean(texels)).collect();
+        if passes.is_empty() {
+            return vec![Rgb::splat(1.0); texels.len()];
+        }
         let median = self.median_gain();
         let known = |gain: f64| if gain.is_finite() && gain > 0.0 { gain } else { median };
-        (0..texels.len()).map(|n| [0, 1, 2].map(|c| if passes.is_empty() { 1.0 } else { known(mean(n, c)) })).collect()
+        let mean = |n: usize, c: usize| passes.iter().map(|p| f64::from(p[n][c])).sum::<f64>() / passes.len() as f64;
+        (0..texels.len()).map(|n| Rgb::of(|c| known(mean(n, c)))).collect()
     }
 
     /// Camera value of the calibrated value 1 in frame `k` of a pass at each of `texels`; `None` where the pass has no
     /// white frames.
-    pub fn gain_of_frame(&self, travel: Travel, k: usize, texels: &[[u32; 2]]) -> Option<Vec<[f32; 3]>> {
+    pub fn gain_of_frame(&self, travel: Travel, k: usize, texels: &[[u32; 2]]) -> Option<Vec<Rgb<f32>>> {
         self.gains.iter().find(|(t, _)| *t == travel).map(|(_, gain)| gain.at(k, texels))
     }
 
     /// The dark level a texel, where `dark.exr` exists.
-    pub fn dark(&self) -> Option<&[[f32; 3]]> {
+    pub fn dark(&self) -> Option<&[Rgb<f32>]> {
         self.dark.as_deref()
+    }
+
+    /// The dark level of a texel (column, row); 0 where it is not known.
+    pub fn dark_at(&self, [column, row]: [u32; 2]) -> Rgb {
+        let level = self.dark.as_ref().map(|dark| dark[row as usize * self.manifest.width + column as usize]);
+        level.map_or(Rgb::default(), |v| v.map(|v| if v.is_finite() { f64::from(v) } else { 0.0 }))
     }
 
     /// `mask.exr` (channel Y), where there is one.
     pub fn mask(&self) -> Result<Option<Vec<bool>>> {
-        let path = self.folder.join("mask.exr");
-        if !path.exists() {
-            return Ok(None);
-        }
-        check_size(&path, &exr_info(&path)?, &self.manifest)?;
-        let maps = read_exr_rows(&path, Some(&["Y"]), None)?;
-        Ok(Some(maps.channels[0].1.iter().map(|&v| v > 0.5).collect()))
+        folder::mask(&self.folder, self.manifest.size())
     }
 
     /// `truth/front.exr` of a synthetic scan.
     pub fn truth(&self, side: Side) -> Result<Option<ChannelMaps>> {
-        let path = crate::truth_path(&self.folder, side);
-        if !path.exists() {
-            return Ok(None);
-        }
-        check_size(&path, &exr_info(&path)?, &self.manifest)?;
-        read_exr(&path).map(Some)
+        folder::truth(&self.folder, side, self.manifest.size())
     }
-}
-
-/// A frame must hold R, G and B at the size the manifest states.
-fn check_image(path: &Path, manifest: &TubeManifest) -> Result<()> {
-    let info = exr_info(path)?;
-    check_size(path, &info, manifest)?;
-    for name in RGB {
-        if !info.channels.iter().any(|c| c == name) {
-            return Err(Error::field(
-                path,
-                name,
-                format!("no such channel; the file holds {}", info.channels.join(", ")),
-            ));
-        }
-    }
-    Ok(())
-}
-
-fn check_size(path: &Path, info: &ExrInfo, manifest: &TubeManifest) -> Result<()> {
-    if (info.width, info.height) != (manifest.width, manifest.height) {
-        return Err(Error::input(
-            path,
-            format!(
-                "found {}x{} texels, capture.toml says {}x{}",
-                info.width, info.height, manifest.width, manifest.height
-            ),
-        ));
-    }
-    Ok(())
-}
-
-/// RGB planes → one triple a texel.
-pub fn interleave(maps: &ChannelMaps) -> FramePixels {
-    let [r, g, b] = [0, 1, 2].map(|c: usize| &maps.channels[c].1);
-    r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect()
 }

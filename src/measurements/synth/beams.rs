@@ -271,7 +271,7 @@ pub fn capture(spec: &LeafSpec, grown: &WideLeaf, options: &Options, folder: &Pa
         // As the unlit side's camera sees it; off the leaf there are no readings.
         let mask = grown.crop(&grown.leaf.mask_of(beam.lit));
         let mut maps = ChannelMaps::new(w, h);
-        for (channel, name) in shown.iter().zip(mesophyll_capture::reader::RGB) {
+        for (channel, name) in shown.iter().zip(mesophyll_files::quantity::RGB) {
             let seen: Vec<f32> =
                 channel.iter().zip(&mask).map(|(v, m)| if *m { *v as f32 } else { f32::NAN }).collect();
             maps.push(name, mirror(&seen, w));

@@ -3,7 +3,7 @@
 
 use super::side::ExportSideMaps;
 use crate::Result;
-use mesophyll_capture::manifest::texel_position;
+use mesophyll_base::image::ImageSize;
 use mesophyll_files::atomic;
 use mesophyll_files::quantity::{self, Quantity};
 use mesophyll_fits::record::FitRecord;
@@ -36,14 +36,15 @@ pub fn write(sides: &[ExportSideMaps], record: &FitRecord, path: &Path) -> Resul
         }
         writeln!(out)?;
         for side in sides {
-            let (width, height) = (side.maps.width, side.maps.height);
+            let size = ImageSize::new(side.maps.width, side.maps.height);
             let planes: Vec<(Plane, Plane)> =
                 channels.iter().map(|c| (side.maps.get(c), side.errors.as_ref().and_then(|e| e.get(c)))).collect();
-            for k in (0..width * height).filter(|k| side.mask[*k] != 0.0) {
-                write!(out, "{},{},{}", side.side.name(), k % width, k / width)?;
+            for k in (0..size.texels()).filter(|k| side.mask[*k] != 0.0) {
+                let [column, row] = size.position(k);
+                write!(out, "{},{column},{row}", side.side.name())?;
                 match texel {
                     Some(p) => {
-                        let [x, y] = texel_position(width, height, p, k % width, k / width);
+                        let [x, y] = size.place_mm(p, k);
                         write!(out, ",{x},{y}")?;
                     }
                     None => write!(out, ",,")?,

@@ -4,6 +4,7 @@
 use super::TexelGrid;
 use super::outline::{contours, coverage, simplify};
 use super::relief::{BladeRelief, integrate};
+use mesophyll_base::rgb::Rgb;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
 /// The mesh of the blade. Vertices are in mm (x right, y up, z out of the front). Both sides share one triangle list.
@@ -45,7 +46,7 @@ impl HasPosition for Vertex {
 pub fn build(
     grid: &TexelGrid,
     mask: &[bool],
-    ratio: Option<&[[f32; 3]]>,
+    ratio: Option<&[Rgb<f32>]>,
     slopes: &[Option<[f64; 2]>],
 ) -> Option<BladeMesh> {
     let field = coverage(mask, ratio, grid.size());

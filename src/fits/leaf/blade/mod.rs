@@ -9,7 +9,6 @@ pub mod relief;
 pub use mesh::BladeMesh;
 
 use mesophyll_base::image::ImageSize;
-use mesophyll_capture::manifest::texel_position;
 
 /// A square grid of texels on the blade.
 #[derive(Debug, Clone, Copy)]
@@ -30,13 +29,13 @@ impl TexelGrid {
 
     /// Texel coordinates (column, row; integers at centres) → position on the blade (mm).
     pub fn position(&self, column: f64, row: f64) -> [f64; 2] {
-        let [x, y] = texel_position(self.width, self.height, self.texel, 0, 0);
+        let [x, y] = self.size().place_mm(self.texel, 0);
         [x + column * self.texel, y - row * self.texel]
     }
 
     /// Position on the blade (mm) → texel coordinates.
     pub fn texel(&self, at: [f64; 2]) -> [f64; 2] {
-        let [x, y] = texel_position(self.width, self.height, self.texel, 0, 0);
+        let [x, y] = self.size().place_mm(self.texel, 0);
         [(at[0] - x) / self.texel, (y - at[1]) / self.texel]
     }
 

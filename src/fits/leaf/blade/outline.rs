@@ -2,13 +2,14 @@
 //! (Douglas–Peucker).
 
 use mesophyll_base::image::{Image, ImageSize};
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::median_of;
 
 /// Share of each texel that the leaf covers. It comes from the light box where that shows partly covered texels,
 /// otherwise from the mask. It is smoothed a little, so that the contour of one half runs between texels instead of
 /// along their edges.
-pub fn coverage(mask: &[bool], ratio: Option<&[[f32; 3]]>, size: ImageSize) -> Image<f64> {
-    let mean = |t: &[f32; 3]| f64::from(t[0] + t[1] + t[2]) / 3.0;
+pub fn coverage(mask: &[bool], ratio: Option<&[Rgb<f32>]>, size: ImageSize) -> Image<f64> {
+    let mean = |t: &Rgb<f32>| f64::from(t[0] + t[1] + t[2]) / 3.0;
     let leaf_level = ratio.map_or(0.0, |r| {
         let inside = r.iter().zip(mask).filter(|(_, m)| **m).map(|(t, _)| mean(t)).filter(|v| v.is_finite());
         median_of(inside).unwrap_or(0.0)

@@ -78,12 +78,8 @@ pub fn look(
         let found = frames::look(&sample);
         let noise = noise(&sample);
         out.noise.push(noise);
-        let dark = |t: &[u32; 2]| {
-            let level = capture.dark().map_or([0.0; 3], |d| d[t[1] as usize * m.width + t[0] as usize].map(f64::from));
-            level.map(|d| if d.is_finite() { d } else { 0.0 })
-        };
         let wrong = |travel: Travel, frame: usize| found.iter().any(|f| f.travel == travel && f.frame == frame);
-        let dark = sample.texels.iter().map(dark).collect();
+        let dark = sample.texels.iter().map(|t| capture.dark_at(*t)).collect();
         let trials = FaultTrials::new(scan, &sample, dark, noise.unwrap_or(1.0).max(1.0).powi(2), wrong);
         single.extend(found);
         if coarse || !whites.causes.is_empty() {

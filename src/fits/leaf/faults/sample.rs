@@ -7,6 +7,7 @@ use crate::leaf::held_out::{FramePredictor, PredictionScratch, TexelParameters, 
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::CameraNoise;
 use crate::record::scan::ScanRecord;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
@@ -39,10 +40,10 @@ pub struct PassReadings {
     pub travel: Travel,
     /// Places of the tube (mm).
     pub positions: Vec<f64>,
-    pub measured: Vec<[f32; 3]>,
-    pub predicted: Vec<[f32; 3]>,
+    pub measured: Vec<Rgb<f32>>,
+    pub predicted: Vec<Rgb<f32>>,
     /// The camera's value of 1 by the white frames; empty where there are none.
-    pub gain: Vec<[f32; 3]>,
+    pub gain: Vec<Rgb<f32>>,
 }
 
 impl PassReadings {
@@ -52,16 +53,16 @@ impl PassReadings {
     }
 
     /// The readings of texel `n` in frame `k`, and what is predicted for them.
-    pub fn of(&self, n: usize, k: usize) -> ([f32; 3], [f32; 3]) {
+    pub fn of(&self, n: usize, k: usize) -> (Rgb<f32>, Rgb<f32>) {
         let at = n * self.frames() + k;
         (self.measured[at], self.predicted[at])
     }
 
     /// Texel `n` in frame `k` as the camera saw it, less the dark frame.
-    pub fn raw(&self, n: usize, k: usize) -> [f32; 3] {
+    pub fn raw(&self, n: usize, k: usize) -> Rgb<f32> {
         let at = n * self.frames() + k;
-        let gain = self.gain.get(at).copied().unwrap_or([1.0; 3]);
-        std::array::from_fn(|c| self.measured[at][c] * gain[c])
+        let gain = self.gain.get(at).copied().unwrap_or(Rgb::splat(1.0));
+        self.measured[at] * gain
     }
 }
 
@@ -89,7 +90,7 @@ impl TexelSample {
             |t: &[u32; 2]| [[t[0] + 1, t[1]], [t[0], t[1].wrapping_sub(1)]].map(|next| place.get(&next).copied());
         let mut sample = TexelSample {
             side: fitted.side,
-            at: texels.iter().map(|t| m.texel_position(t[0] as usize, t[1] as usize)).collect(),
+            at: texels.iter().map(|t| m.texel_position(*t)).collect(),
             fitted: texels.iter().filter_map(|t| texel(index(t))).collect(),
             noise: level.readings(capture, &texels),
             beside: texels.iter().map(beside).collect(),
@@ -112,15 +113,14 @@ impl TexelSample {
     /// The readings of frame `k` of a pass where texel `n` lies in a picture that is shifted to the right and upwards,
     /// between texels by their weights, and the variance of that mean over a reading's. `None` where the sample does
     /// not reach so far.
-    pub fn shifted(&self, pass: &PassReadings, n: usize, k: usize, shift: [f64; 2]) -> Option<([f32; 3], f64)> {
-        let (mut sum, mut variance) = ([0.0; 3], 0.0);
+    pub fn shifted(&self, pass: &PassReadings, n: usize, k: usize, shift: [f64; 2]) -> Option<(Rgb<f32>, f64)> {
+        let (mut sum, mut variance) = (Rgb::splat(0.0), 0.0);
         let [right, up] = shift.map(f64::floor);
         for (b, a) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             let share = |whole: f64, of: f64, next: i32| if next == 1 { of - whole } else { 1.0 - of + whole };
             let weight = share(right, shift[0], a) * share(up, shift[1], b);
             if weight > 0.0 {
-                let value = pass.of(self.at(n, right as i32 + a, up as i32 + b)?, k).0;
-                sum.iter_mut().zip(value).for_each(|(s, v)| *s += weight as f32 * v);
+                sum += pass.of(self.at(n, right as i32 + a, up as i32 + b)?, k).0 * weight as f32;
                 variance += weight * weight;
             }
         }
@@ -142,18 +142,18 @@ fn readings(
 ) -> Result<PassReadings> {
     let frames: Vec<usize> = (0..positions.len()).collect();
     let predictor = FramePredictor::new(scan, travel, &positions);
-    let predicted: Vec<[f32; 3]> = (0..sample.texels.len())
+    let predicted: Vec<Rgb<f32>> = (0..sample.texels.len())
         .into_par_iter()
         .map_init(PredictionScratch::default, |scratch, n| predictor.values(scratch, &sample.fitted[n], sample.at[n]))
-        .flat_map_iter(|values| values.into_iter().map(|v| v.map(|v| v as f32).0))
+        .flat_map_iter(|values| values.into_iter().map(|v| v.map(|v| v as f32)))
         .collect();
     let mut gain = Vec::new();
     for k in 0..positions.len() {
         let Some(of_frame) = capture.gain_of_frame(travel, k, &sample.texels) else { break };
-        gain.resize(predicted.len(), [f32::NAN; 3]);
+        gain.resize(predicted.len(), Rgb::splat(f32::NAN));
         of_frame.into_iter().enumerate().for_each(|(n, g)| gain[n * positions.len() + k] = g);
     }
-    let mut measured = vec![[f32::NAN; 3]; predicted.len()];
+    let mut measured = vec![Rgb::splat(f32::NAN); predicted.len()];
     // Texels are in the order of their rows. Rows that follow each other are read at once.
     let mut from = 0;
     while from < sample.texels.len() {

@@ -5,6 +5,7 @@ use crate::leaf::interior::LeafSideFit;
 use crate::record::RecordSection;
 use crate::record::fault::{FaultGrade, MeasurementFault};
 use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::defect::Defect;
@@ -33,7 +34,7 @@ pub struct TransmittanceView<'a> {
     /// Texels on the leaf.
     pub mask: &'a [bool],
     /// Transmittance, a channel.
-    pub through: &'a [[f32; 3]],
+    pub through: &'a [Rgb<f32>],
 }
 
 impl TransmittanceView<'_> {
@@ -43,8 +44,8 @@ impl TransmittanceView<'_> {
     }
 }
 
-impl<'a> From<&'a (Vec<bool>, Vec<[f32; 3]>)> for TransmittanceView<'a> {
-    fn from((mask, through): &'a (Vec<bool>, Vec<[f32; 3]>)) -> TransmittanceView<'a> {
+impl<'a> From<&'a (Vec<bool>, Vec<Rgb<f32>>)> for TransmittanceView<'a> {
+    fn from((mask, through): &'a (Vec<bool>, Vec<Rgb<f32>>)) -> TransmittanceView<'a> {
         TransmittanceView { mask, through }
     }
 }
@@ -142,7 +143,7 @@ impl Pair {
         let mask = &fitted.measured.mask;
         let rho_d = fitted.maps.three(Quantity::RhoD);
         let log = |k: usize| match rho_d {
-            Some(rho_d) if mask[k] => mean_log(rho_d.map(|plane| plane[k]), 2.0),
+            Some(rho_d) if mask[k] => mean_log(Rgb(rho_d.map(|plane| plane[k])), 2.0),
             _ => f64::NAN,
         };
         let a: Vec<f64> = (0..mask.len()).map(log).collect();
@@ -193,7 +194,7 @@ fn details(picture: &[f64], size: ImageSize) -> Vec<f64> {
     (0..picture.len()).map(|k| picture[k] - around(k)).collect()
 }
 
-fn mean_log(value: [f32; 3], most: f32) -> f64 {
+fn mean_log(value: Rgb<f32>, most: f32) -> f64 {
     let mean = (value[0] + value[1] + value[2]) / 3.0;
     if mean > 0.0 && mean < most { f64::from(mean).ln() } else { f64::NAN }
 }
@@ -312,18 +313,18 @@ mod tests {
     use mesophyll_optics::side::mirror;
 
     /// A lopsided leaf with veins, seen from the front, and from the back as it is after a turn.
-    fn leaf(width: usize, height: usize, moved: [i32; 2]) -> (Vec<bool>, Vec<[f32; 3]>) {
+    fn leaf(width: usize, height: usize, moved: [i32; 2]) -> (Vec<bool>, Vec<Rgb<f32>>) {
         let at = |k: usize| {
             let [i, j] = ImageSize::new(width, height).position(k).map(|v| v as i32);
             let (i, j) = (i - moved[0], j - moved[1]);
             let (x, y) = (f64::from(i) / width as f64 - 0.45, f64::from(j) / height as f64 - 0.52);
             let through = 0.2 + 0.06 * (17.0 * x + 9.0 * y * y).sin() + 0.05 * (23.0 * y - 8.0 * x).cos();
-            (x * x / 0.16 + y * y / 0.12 < 1.0, [through as f32; 3])
+            (x * x / 0.16 + y * y / 0.12 < 1.0, Rgb::splat(through as f32))
         };
         (0..width * height).map(at).unzip()
     }
 
-    fn mirrored((mask, through): &(Vec<bool>, Vec<[f32; 3]>), width: usize) -> (Vec<bool>, Vec<[f32; 3]>) {
+    fn mirrored((mask, through): &(Vec<bool>, Vec<Rgb<f32>>), width: usize) -> (Vec<bool>, Vec<Rgb<f32>>) {
         (mirror(mask, width), mirror(through, width))
     }
 
@@ -332,7 +333,7 @@ mod tests {
         let (width, height) = (60, 45);
         let front = leaf(width, height, [0, 0]);
         let right = mirrored(&front, width);
-        let name = |back: &(Vec<bool>, Vec<[f32; 3]>)| {
+        let name = |back: &(Vec<bool>, Vec<Rgb<f32>>)| {
             turned(&TransmittanceView::from(&front), &TransmittanceView::from(back), width, "back.exr")
                 .map(|f| (f.name, f.says))
         };

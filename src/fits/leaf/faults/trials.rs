@@ -9,6 +9,7 @@ use super::refit::{FrameReadings, PARAMETERS, PassHypothesis, descend};
 use super::sample::{PassReadings, TexelSample};
 use crate::leaf::held_out::{FramePredictor, PredictionScratch, TexelParameters};
 use crate::record::scan::ScanRecord;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::upper_quantile;
 use mesophyll_capture::calibration::white_response;
 use mesophyll_optics::gloss::{Lobe, LobeKind};
@@ -52,7 +53,7 @@ pub struct FaultTrials<'a> {
     scan: &'a ScanRecord,
     pub(super) sample: &'a TexelSample,
     /// Dark level of each texel, in the camera's values.
-    dark: Vec<[f64; 3]>,
+    dark: Vec<Rgb>,
     pub(super) noise: f64,
     chosen: Vec<usize>,
     /// Readings that count: frames by pass.
@@ -65,7 +66,7 @@ impl<'a> FaultTrials<'a> {
     pub fn new(
         scan: &'a ScanRecord,
         sample: &'a TexelSample,
-        dark: Vec<[f64; 3]>,
+        dark: Vec<Rgb>,
         noise: f64,
         wrong: impl Fn(Travel, usize) -> bool,
     ) -> Self {
@@ -327,8 +328,10 @@ impl<'a> FaultTrials<'a> {
                 if let FaultCause::Moved(from, shift) = cause
                     && pass.first + k >= from
                 {
-                    (measured, spread) =
-                        self.sample.shifted(readings, n, k, shift).map_or(([f32::NAN; 3], 1.0), |(v, s)| (v, s.sqrt()));
+                    (measured, spread) = self
+                        .sample
+                        .shifted(readings, n, k, shift)
+                        .map_or((Rgb::splat(f32::NAN), 1.0), |(v, s)| (v, s.sqrt()));
                 }
                 // The white sheet's response as it was taken, and as it is under the cause.
                 let (mut was, mut is) = (1.0, 1.0);

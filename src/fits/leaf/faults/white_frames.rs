@@ -3,6 +3,7 @@
 
 use super::causes::FrameCoding;
 use crate::leaf::noise::CameraNoise;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::calibration::white_response;
 use mesophyll_capture::manifest::TubePass;
 use mesophyll_capture::reader::TubeCapture;
@@ -53,7 +54,7 @@ struct Frames {
     travel: Travel,
     positions: Vec<f64>,
     /// Gain by frame, place and channel.
-    gain: Vec<Vec<[f32; 3]>>,
+    gain: Vec<Vec<Rgb<f32>>>,
 }
 
 struct Sheet {
@@ -62,7 +63,7 @@ struct Sheet {
     at: Vec<[f64; 2]>,
     passes: Vec<Frames>,
     /// Dark level of each place.
-    dark: Vec<[f64; 3]>,
+    dark: Vec<Rgb>,
     floor: f64,
 }
 
@@ -84,15 +85,11 @@ pub fn look(capture: &TubeCapture, level: &CameraNoise) -> WhiteFrames {
     if passes.is_empty() {
         return WhiteFrames { absent: true, ..WhiteFrames::default() };
     }
-    let dark = |t: &[u32; 2]| {
-        let d = capture.dark().map_or([0.0; 3], |d| d[t[1] as usize * m.width + t[0] as usize].map(f64::from));
-        d.map(|d| if d.is_finite() { d } else { 0.0 })
-    };
     let sheet = Sheet {
         tube: m.tube,
         texel_mm: m.texel_mm,
-        at: texels.iter().map(|t| m.texel_position(t[0] as usize, t[1] as usize)).collect(),
-        dark: texels.iter().map(dark).collect(),
+        at: texels.iter().map(|t| m.texel_position(*t)).collect(),
+        dark: texels.iter().map(|t| capture.dark_at(*t)).collect(),
         floor: level.camera_floor(),
         passes,
     };

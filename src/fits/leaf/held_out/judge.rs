@@ -112,7 +112,7 @@ pub fn judge(
     let mut out = HeldOutJudgement { light_box: light_box(capture, fitted, relative), ..HeldOutJudgement::default() };
     let Some(texel) = texel_of(&fitted.maps).filter(|_| splits.any()) else { return Ok(out) };
     let m = &capture.manifest;
-    let at = |k: usize| m.texel_position(k % m.width, k / m.width);
+    let at = |k: usize| m.size().place_mm(m.texel_mm, k);
     let good: Vec<_> = fitted.texels.iter().filter_map(|x| Some((at(x.at), texel(x.at)?))).collect();
     let expected = leverage::expected(scan, m, splits, &good);
     let mut stored = ChannelMaps::new(m.width.div_ceil(scan.stored_step), m.height.div_ceil(scan.stored_step));
@@ -236,7 +236,7 @@ fn light_box(capture: &TubeCapture, fitted: &LeafSideFit, relative: f64) -> Opti
         relative,
         floor,
         fitted.texels.iter().map(|x| x.at),
-        |k| (thickness.get(&k).copied().unwrap_or(f64::NAN), Rgb(fitted.measured.rho_t[k]).map(f64::from)),
+        |k| (thickness.get(&k).copied().unwrap_or(f64::NAN), fitted.measured.rho_t[k].map(f64::from)),
     )
 }
 

@@ -1,10 +1,11 @@
 //! Photographs under beams, opened for fitting: all of them exist, have one size, and hold readings.
 
 use super::manifest::{BeamPhotograph, BeamsManifest};
-use crate::reader::RGB;
+use crate::folder::{check_size, content_hash};
 use crate::{Error, Result};
-use mesophyll_files::hash;
+use mesophyll_base::image::ImageSize;
 use mesophyll_files::image::{exr_info, read_exr_rows};
+use mesophyll_files::quantity::RGB;
 use std::path::{Path, PathBuf};
 
 /// A validated capture with its photographs.
@@ -34,10 +35,8 @@ impl BeamsCapture {
     /// # Errors
     /// A file that cannot be read.
     pub fn hash(&self) -> Result<String> {
-        let names: Vec<&str> =
-            std::iter::once("capture.toml").chain(self.manifest.beams.iter().map(|b| b.file.as_str())).collect();
-        let hashes: Vec<String> = names.iter().map(|n| hash::file(&self.folder.join(n))).collect::<Result<_>>()?;
-        Ok(hash::combine(names.into_iter().zip(hashes.iter().map(String::as_str))))
+        let names = std::iter::once("capture.toml").chain(self.manifest.beams.iter().map(|b| b.file.as_str()));
+        content_hash(&self.folder, &names.map(|name| self.folder.join(name)).collect::<Vec<_>>())
     }
 }
 
@@ -47,20 +46,13 @@ impl BeamsCapture {
 /// As [`BeamsCapture::open`].
 pub fn photograph(folder: &Path, manifest: &BeamsManifest, beam: &BeamPhotograph) -> Result<[Vec<f64>; 3]> {
     let path = folder.join(&beam.file);
-    let info = exr_info(&path)?;
-    let (w, h) = (manifest.width, manifest.height);
-    if (info.width, info.height) != (w, h) {
-        return Err(Error::input(
-            &path,
-            format!("found {}x{} texels, expected {w}x{h} as capture.toml says", info.width, info.height),
-        ));
-    }
+    check_size(&path, &exr_info(&path)?, ImageSize::new(manifest.width, manifest.height))?;
     let maps = read_exr_rows(&path, Some(&RGB), None)?;
     let mut channels: [Vec<f64>; 3] = Default::default();
     for (channel, name) in channels.iter_mut().zip(RGB) {
         let seen = maps.require(&path, name)?;
         // The lit side's camera would see the place of column i at column width − 1 − i.
-        *channel = seen.chunks(w).flat_map(|row| row.iter().rev().map(|v| f64::from(*v))).collect();
+        *channel = seen.chunks(manifest.width).flat_map(|row| row.iter().rev().map(|v| f64::from(*v))).collect();
         if !channel.iter().any(|v| v.is_finite()) {
             return Err(Error::field(&path, name, "no texel has a reading; expected a photograph"));
         }

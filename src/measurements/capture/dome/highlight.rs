@@ -7,6 +7,7 @@
 //! mirrored share is at most what the darkest texel shows in its darkest channel. Then the middle of the range is
 //! subtracted, and its width is part of the errors.
 
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::quantile;
 use serde::Serialize;
 
@@ -37,7 +38,7 @@ pub fn fresnel_normal(n: f64) -> f64 {
 
 /// Estimates the veil from the reflectances of a side (NaN is skipped) where `mask` is set, and from the stated index
 /// if there is one.
-pub fn estimate(reflectance: &[[f64; 3]], mask: &[bool], index: Option<f64>) -> Highlight {
+pub fn estimate(reflectance: &[Rgb], mask: &[bool], index: Option<f64>) -> Highlight {
     let mut darkest: Vec<f64> = reflectance
         .iter()
         .zip(mask)
@@ -65,7 +66,7 @@ mod tests {
 
     #[test]
     fn a_stated_index_wins_and_a_dark_leaf_bounds_the_rest() {
-        let bright = vec![[0.2, 0.3, 0.25]; 50];
+        let bright = vec![Rgb([0.2, 0.3, 0.25]); 50];
         let mask = vec![true; 50];
         let h = estimate(&bright, &mask, Some(1.5));
         assert!((h.share - 0.04).abs() < 1e-12 && h.stated && h.at_most == 0.2);

@@ -6,6 +6,7 @@ use super::manifest::{DomeManifest, DomePicture};
 use super::reader::{DomeCapture, check_files};
 use super::reduction::{DomeMaps, Options, reduce};
 use crate::kind::CaptureKind;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::{median_of, quantile};
 use mesophyll_optics::side::Side;
 use serde::Serialize;
@@ -72,9 +73,9 @@ pub struct SideSummary {
     /// The mirrored light of the dome that is subtracted from the albedo.
     pub highlight: super::highlight::Highlight,
     /// Medians of the albedo, a channel each.
-    pub albedo: [f64; 3],
+    pub albedo: Rgb,
     /// Medians of the transmittance, a channel each.
-    pub transmittance: [f64; 3],
+    pub transmittance: Rgb,
     /// Number of texels with each defect, by name.
     pub defects: BTreeMap<&'static str, usize>,
 }
@@ -116,8 +117,8 @@ fn look(capture: &DomeCapture, r: &DomeMaps, found: &mut DomeInspection) {
     let m = &capture.manifest;
     let leaf = r.mask.iter().filter(|m| **m).count();
     found.leaf_texels = Some(leaf);
-    for name in [Side::Front, Side::Back] {
-        let (side, pictures) = (r.side(name), capture.pictures(name));
+    for name in Side::ALL {
+        let (side, pictures) = (&r.sides[name], &capture.sides[name]);
         let mask: Vec<bool> = side.status.iter().map(|s| *s != mesophyll_optics::defect::OUTSIDE).collect();
         for (picture, image, reference) in [
             (DomePicture::Albedo, &pictures.albedo, &capture.white),
@@ -150,9 +151,8 @@ fn look(capture: &DomeCapture, r: &DomeMaps, found: &mut DomeInspection) {
             }
             found.photographs.push(DomePhotographSummary { name, low, median, high, no_reading_share: blind });
         }
-        let medians = |map: &[[f64; 3]]| {
-            [0, 1, 2].map(|c: usize| median_of(map.iter().map(|v| v[c]).filter(|v| v.is_finite())).unwrap_or(0.0))
-        };
+        let medians =
+            |map: &[Rgb]| Rgb::of(|c| median_of(map.iter().map(|v| v[c]).filter(|v| v.is_finite())).unwrap_or(0.0));
         let h = side.highlight;
         if h.stated && h.share > h.at_most {
             found.warnings.push(format!(
@@ -181,9 +181,9 @@ fn look(capture: &DomeCapture, r: &DomeMaps, found: &mut DomeInspection) {
     }
     let mut d: Vec<f64> = r.thickness.iter().copied().filter(|v| v.is_finite()).collect();
     let thickness_mm = [0.01, 0.5, 0.99].map(|q| quantile(&mut d, q).unwrap_or(0.0));
-    let back = mesophyll_optics::side::mirror(&capture.back.height, m.width);
-    let holes =
-        (0..m.texels()).filter(|&k| r.mask[k] && !(capture.front.height[k].is_finite() && back[k].is_finite())).count();
+    let front = &capture.sides.front.height;
+    let back = mesophyll_optics::side::mirror(&capture.sides.back.height, m.width);
+    let holes = (0..m.texels()).filter(|&k| r.mask[k] && !(front[k].is_finite() && back[k].is_finite())).count();
     let shape = ShapeSummary { alignment: r.alignment, thickness_mm, hole_share: holes as f64 / leaf.max(1) as f64 };
     shape_warnings(m, &shape, found);
     found.shape = Some(shape);

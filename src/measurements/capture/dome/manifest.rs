@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::kind::{self, CaptureKind};
 use crate::manifest_check::ManifestCheck;
+use mesophyll_base::image::ImageSize;
 use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -129,6 +130,11 @@ impl DomeManifest {
     /// Standard deviation (texels) of the Gaussian that averages like a disc of the contact's width.
     pub(crate) fn contact_texels(&self) -> f64 {
         0.25 * self.contact_mm / self.texel_mm
+    }
+
+    /// Columns and rows of every picture.
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
     }
 
     /// Texels of a picture.

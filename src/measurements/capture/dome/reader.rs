@@ -2,22 +2,20 @@
 //! subtracted from photographs.
 
 use super::manifest::{DomeManifest, DomePicture, empty_path, white_path};
+use crate::folder::{self, check_image, content_hash, read_rgb};
+use crate::reader::FramePixels;
 use crate::{Error, Result};
-use mesophyll_files::hash;
-use mesophyll_files::image::{ChannelMaps, ExrInfo, exr_info, read_exr, read_exr_rows};
-use mesophyll_optics::side::Side;
+use mesophyll_files::image::{ChannelMaps, read_exr_rows};
+use mesophyll_optics::side::{Side, Sides};
 use std::path::{Path, PathBuf};
-
-/// One RGB triple a texel, row-major.
-pub type DomePixels = Vec<[f32; 3]>;
 
 /// One side's pictures, as its camera saw it.
 #[derive(Debug, Clone)]
 pub struct DomeSidePictures {
     /// Photograph under the dome, less the dark frame.
-    pub albedo: DomePixels,
+    pub albedo: FramePixels,
     /// Photograph in front of the back light, less the dark frame.
-    pub translucency: DomePixels,
+    pub translucency: FramePixels,
     /// Height (mm) towards the camera, above the scan's own zero; NaN is a hole.
     pub height: Vec<f32>,
     /// How many readings under the dome share the highest recorded value: many where a sensor clips.
@@ -33,14 +31,12 @@ pub struct DomeCapture {
     pub folder: PathBuf,
     /// The contents of its `capture.toml`.
     pub manifest: DomeManifest,
-    /// The front's pictures.
-    pub front: DomeSidePictures,
-    /// The back's pictures, in its own camera's columns.
-    pub back: DomeSidePictures,
+    /// The pictures of both sides, each in its own camera's columns.
+    pub sides: Sides<DomeSidePictures>,
     /// Photograph of the white sheet, less the dark frame.
-    pub white: DomePixels,
+    pub white: FramePixels,
     /// Photograph of the back light, less the dark frame.
-    pub empty: DomePixels,
+    pub empty: FramePixels,
     /// Whether there is a dark frame.
     pub has_dark: bool,
     /// `mask.exr`, in the front's columns.
@@ -57,9 +53,9 @@ impl DomeCapture {
         let manifest = DomeManifest::read(folder)?;
         check_files(folder, &manifest).into_iter().next().map_or(Ok(()), Err)?;
         let dark_path = folder.join("dark.exr");
-        let dark = if dark_path.exists() { Some(rgb(&dark_path)?) } else { None };
-        let photograph = |path: &Path| -> Result<(DomePixels, Vec<bool>, usize)> {
-            let mut image = rgb(path)?;
+        let dark = if dark_path.exists() { Some(read_rgb(&dark_path)?) } else { None };
+        let photograph = |path: &Path| -> Result<(FramePixels, Vec<bool>, usize)> {
+            let mut image = read_rgb(path)?;
             if image.iter().all(|v| v.iter().any(|c| !c.is_finite())) {
                 return Err(Error::input(path, "no reading anywhere (all NaN)"));
             }
@@ -68,9 +64,7 @@ impl DomeCapture {
             let highest = image.iter().flatten().copied().filter(|v| v.is_finite()).fold(f32::MIN, f32::max);
             let clipped = image.iter().flatten().filter(|v| **v == highest).count();
             if let Some(dark) = &dark {
-                for (v, d) in image.iter_mut().zip(dark) {
-                    (0..3).for_each(|c| v[c] -= d[c]);
-                }
+                image.iter_mut().zip(dark).for_each(|(v, d)| *v -= *d);
             }
             Ok((image, saturated, clipped))
         };
@@ -90,7 +84,7 @@ impl DomeCapture {
                 saturated: a.into_iter().zip(t).map(|(a, t)| a || t).collect(),
             })
         };
-        let (front, back) = (side(Side::Front)?, side(Side::Back)?);
+        let sides = Sides::try_of(side)?;
         let (white, empty) = (photograph(&white_path(folder))?.0, photograph(&empty_path(folder))?.0);
         for (path, image) in [(white_path(folder), &white), (empty_path(folder), &empty)] {
             let unlit = image.iter().filter(|v| v.iter().any(|c| *c <= 0.0)).count();
@@ -104,44 +98,16 @@ impl DomeCapture {
                 ));
             }
         }
-        let mask_path = folder.join("mask.exr");
-        let mask = if mask_path.exists() {
-            let mask: Vec<bool> =
-                read_exr_rows(&mask_path, Some(&["Y"]), None)?.channels[0].1.iter().map(|&v| v > 0.5).collect();
-            if !mask.contains(&true) {
-                return Err(Error::field(&mask_path, "Y", "no texel is 1, so there is no leaf"));
-            }
-            Some(mask)
-        } else {
-            None
-        };
-        Ok(DomeCapture {
-            folder: folder.to_path_buf(),
-            manifest,
-            front,
-            back,
-            white,
-            empty,
-            has_dark: dark.is_some(),
-            mask,
-        })
-    }
-
-    /// One side's pictures.
-    pub fn pictures(&self, side: Side) -> &DomeSidePictures {
-        match side {
-            Side::Front => &self.front,
-            Side::Back => &self.back,
+        let mask = folder::mask(folder, manifest.size())?;
+        if mask.as_ref().is_some_and(|mask| !mask.contains(&true)) {
+            return Err(Error::field(&folder.join("mask.exr"), "Y", "no texel is 1, so there is no leaf"));
         }
+        Ok(DomeCapture { folder: folder.to_path_buf(), manifest, sides, white, empty, has_dark: dark.is_some(), mask })
     }
 
     /// Content hash of everything a fit reads.
     pub fn hash(&self) -> Result<String> {
-        let files = self.files();
-        let hashes: Vec<String> = files.iter().map(|p| hash::file(p)).collect::<Result<_>>()?;
-        let names: Vec<String> =
-            files.iter().map(|p| p.strip_prefix(&self.folder).unwrap_or(p).to_string_lossy().into_owned()).collect();
-        Ok(hash::combine(names.iter().map(String::as_str).zip(hashes.iter().map(String::as_str))))
+        content_hash(&self.folder, &self.files())
     }
 
     /// Every file a fit reads, in a fixed order.
@@ -154,12 +120,7 @@ impl DomeCapture {
 
     /// `truth/front.exr` of a synthetic capture.
     pub fn truth(&self, side: Side) -> Result<Option<ChannelMaps>> {
-        let path = crate::truth_path(&self.folder, side);
-        if !path.exists() {
-            return Ok(None);
-        }
-        check_size(&path, &exr_info(&path)?, &self.manifest)?;
-        read_exr(&path).map(Some)
+        folder::truth(&self.folder, side, self.manifest.size())
     }
 }
 
@@ -178,29 +139,6 @@ pub(crate) fn check_files(folder: &Path, manifest: &DomeManifest) -> Vec<Error> 
     required(folder)
         .into_iter()
         .chain(optional)
-        .filter_map(|(path, channels)| check_image(&path, channels, manifest).err())
+        .filter_map(|(path, channels)| check_image(&path, channels, manifest.size()).err())
         .collect()
-}
-
-fn check_image(path: &Path, channels: &[&str], manifest: &DomeManifest) -> Result<()> {
-    let info = exr_info(path)?;
-    check_size(path, &info, manifest)?;
-    match channels.iter().find(|name| !info.channels.iter().any(|c| c == *name)) {
-        Some(name) => {
-            Err(Error::field(path, name, format!("no such channel; the file holds {}", info.channels.join(", "))))
-        }
-        None => Ok(()),
-    }
-}
-
-fn check_size(path: &Path, info: &ExrInfo, m: &DomeManifest) -> Result<()> {
-    if (info.width, info.height) != (m.width, m.height) {
-        let what = format!("found {}x{} texels, capture.toml says {}x{}", info.width, info.height, m.width, m.height);
-        return Err(Error::input(path, what));
-    }
-    Ok(())
-}
-
-fn rgb(path: &Path) -> Result<DomePixels> {
-    Ok(crate::reader::interleave(&read_exr_rows(path, Some(&["R", "G", "B"]), None)?))
 }

@@ -12,14 +12,15 @@ use super::alignment::ScanAlignment;
 use super::highlight::{self, Highlight};
 use super::manifest::{DomeManifest, DomePicture};
 use super::noise::deviation;
-use super::reader::{DomeCapture, DomePixels, DomeSidePictures};
+use super::reader::{DomeCapture, DomeSidePictures};
 use super::shape::{filled, shape};
 use super::visibility::visible;
 use crate::lightbox::mask_from_transmission;
 use crate::{Error, Result};
 use mesophyll_base::image::ImageSize;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_optics::defect::{Defect, GOOD, OUTSIDE};
-use mesophyll_optics::side::{Side, mirror};
+use mesophyll_optics::side::{Side, Sides, mirror};
 use mesophyll_optics::translucency::blade::{BladeMaps, SurfaceMaps};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -39,14 +40,14 @@ pub struct Options {
 #[derive(Debug, Clone)]
 pub struct DomeSideMaps {
     /// Diffuse reflectance without the highlight, a channel.
-    pub albedo: Vec<[f64; 3]>,
+    pub albedo: Vec<Rgb>,
     /// Standard error of the albedo from the photographs' noise. The error of the highlight is common to all texels
     /// ([`Highlight::stderr`]).
-    pub albedo_err: Vec<[f64; 3]>,
+    pub albedo_err: Vec<Rgb>,
     /// Share of the back light that comes through towards this side's camera, a channel.
-    pub transmittance: Vec<[f64; 3]>,
+    pub transmittance: Vec<Rgb>,
     /// Standard error of the transmittance.
-    pub transmittance_err: Vec<[f64; 3]>,
+    pub transmittance_err: Vec<Rgb>,
     /// mm towards this side's camera over the blade's middle plane.
     pub height: Vec<f64>,
     /// Unit normals in this side's image frame.
@@ -62,10 +63,8 @@ pub struct DomeSideMaps {
 /// A whole capture as maps. `mask`, `thickness` and its error are in the front's columns.
 #[derive(Debug, Clone)]
 pub struct DomeMaps {
-    /// Columns of every map.
-    pub width: usize,
-    /// Rows of every map.
-    pub height: usize,
+    /// Columns and rows of every map.
+    pub size: ImageSize,
     /// Size of a texel on the blade (mm).
     pub texel_mm: f64,
     /// Texels on the leaf, in the front's columns.
@@ -79,10 +78,8 @@ pub struct DomeMaps {
     pub alignment: ScanAlignment,
     /// Noise of the photographs.
     pub noise: PhotoNoise,
-    /// The front's maps.
-    pub front: DomeSideMaps,
-    /// The back's maps, in its own camera's columns.
-    pub back: DomeSideMaps,
+    /// The maps of both sides, each in its own camera's columns.
+    pub sides: Sides<DomeSideMaps>,
 }
 
 /// Noise of a photograph's reading: √((relative·value)² + floor²).
@@ -97,32 +94,21 @@ pub struct PhotoNoise {
 }
 
 impl DomeMaps {
-    /// One side's maps.
-    pub fn side(&self, side: Side) -> &DomeSideMaps {
-        match side {
-            Side::Front => &self.front,
-            Side::Back => &self.back,
-        }
-    }
-
     /// How many texels of a side have each defect, by name. Defects that do not occur are left out.
     pub fn defects(&self, side: Side) -> BTreeMap<&'static str, usize> {
-        let status = &self.side(side).status;
+        let status = &self.sides[side].status;
         let count = |d: Defect| (d.name(), status.iter().filter(|s| **s == d.code()).count());
         DEFECTS.map(count).into_iter().filter(|(_, n)| *n > 0).collect()
     }
-}
 
-impl DomeMaps {
     /// A channel of a map of a side without holes, row-major as its camera saw it. Texels without a reading, dark ones
     /// and those that break energy take values from their neighbours; 0 off the leaf.
-    fn whole(&self, side: Side, map: &[[f64; 3]], channel: usize) -> Vec<f64> {
-        let side = self.side(side);
+    fn whole(&self, side: &DomeSideMaps, map: &[Rgb], channel: usize) -> Vec<f64> {
         let broken = [Defect::NoReading, Defect::Saturated, Defect::Energy, Defect::Dark].map(Defect::code);
         let on: Vec<bool> = side.status.iter().map(|s| *s != OUTSIDE).collect();
         let values: Vec<f64> =
             map.iter().zip(&side.status).map(|(v, s)| if broken.contains(s) { f64::NAN } else { v[channel] }).collect();
-        filled(&values, &on, self.width, 0.0)
+        filled(&values, &on, self.size.width, 0.0)
             .into_iter()
             .map(|v| if v.is_finite() { v.clamp(0.0, 1.0) } else { 0.0 })
             .collect()
@@ -130,21 +116,21 @@ impl DomeMaps {
 
     /// Albedo of a side in a channel (0 red … 2 blue), 0 … 1; without holes, 0 off the leaf.
     pub fn albedo(&self, side: Side, channel: usize) -> Vec<f64> {
-        self.whole(side, &self.side(side).albedo, channel)
+        self.whole(&self.sides[side], &self.sides[side].albedo, channel)
     }
 
     /// Transmittance towards the camera of a side (the light fell on the other side), without holes, 0 off the leaf.
     pub fn transmittance(&self, side: Side, channel: usize) -> Vec<f64> {
-        self.whole(side, &self.side(side).transmittance, channel)
+        self.whole(&self.sides[side], &self.sides[side].transmittance, channel)
     }
 
     /// The blade in one channel, ready for light transport: the share 1 − albedo of each side enters it. Texels without
     /// a positive thickness take their neighbours' thickness.
     pub fn blade(&self, channel: usize) -> BladeMaps {
         let positive: Vec<f64> = self.thickness.iter().map(|d| if *d > 0.0 { *d } else { f64::NAN }).collect();
-        let thickness = filled(&positive, &self.mask, self.width, 0.0);
+        let thickness = filled(&positive, &self.mask, self.size.width, 0.0);
         let surface = |s: Side| {
-            let side = self.side(s);
+            let side = &self.sides[s];
             let height = side.height.iter().map(|h| if h.is_finite() { *h } else { 0.0 }).collect();
             SurfaceMaps {
                 height,
@@ -153,8 +139,8 @@ impl DomeMaps {
             }
         };
         BladeMaps {
-            width: self.width,
-            height: self.height,
+            width: self.size.width,
+            height: self.size.height,
             texel_mm: self.texel_mm,
             mask: self.mask.clone(),
             thickness: thickness.into_iter().map(|d| if d.is_finite() { d } else { 0.0 }).collect(),
@@ -173,68 +159,58 @@ pub fn reduce(capture: &DomeCapture, options: &Options) -> Result<DomeMaps> {
     let m = &capture.manifest;
     let (w, h) = (m.width, m.height);
     let noise = photo_noise(capture);
-    let ratio = |leaf: &DomePixels, reference: &DomePixels| quotient(leaf, reference, noise, m, capture.has_dark);
-    let through = [Side::Front, Side::Back].map(|s| ratio(&capture.pictures(s).translucency, &capture.empty));
-    let mask = outline(capture, [&through[0].0, &through[1].0])?;
-    let masks = [mask.clone(), mirror(&mask, w)];
+    let ratio = |leaf: &[Rgb<f32>], reference: &[Rgb<f32>]| quotient(leaf, reference, noise, m, capture.has_dark);
+    let through = Sides::of(|side| ratio(&capture.sides[side].translucency, &capture.empty));
+    let mask = outline(capture, &through)?;
+    let masks = Sides { front: mask.clone(), back: mirror(&mask, w) };
 
     let shape = shape(capture, &mask, options)?;
-    let [front_height, back_height] = &shape.height;
-    let heights = [front_height, back_height];
-    let bare =
-        BladeMaps::from_heights(w, h, m.texel_mm, mask.clone(), heights.map(Clone::clone), [Vec::new(), Vec::new()]);
-    let mut sides = [Side::Front, Side::Back].into_iter().enumerate().zip(through).map(|((s, name), (t, t_err))| {
-        let pictures = capture.pictures(name);
-        let lit = bare.lit(if s == 0 { Side::Front } else { Side::Back });
+    let heights = [&shape.height.front, &shape.height.back].map(Clone::clone);
+    let bare = BladeMaps::from_heights(w, h, m.texel_mm, mask.clone(), heights, [Vec::new(), Vec::new()]);
+    let mut sides = Sides::of(|name| {
+        let (pictures, mask) = (&capture.sides[name], &masks[name]);
+        let lit = bare.lit(name);
         let (seen, normal) = (visible(&lit), lit.surface.normal.clone());
         let (mut albedo, mut albedo_err) = ratio(&pictures.albedo, &capture.white);
-        albedo.iter_mut().chain(&mut albedo_err).for_each(|v| v.iter_mut().for_each(|v| *v *= m.white_reflectance));
-        let highlight = highlight::estimate(&albedo, &masks[s], m.highlight_index.map(|n| n[s]));
+        albedo.iter_mut().chain(&mut albedo_err).for_each(|v| *v *= m.white_reflectance);
+        let highlight = highlight::estimate(&albedo, mask, m.highlight_index.map(|n| n[name as usize]));
         for (k, (a, e)) in albedo.iter_mut().zip(&mut albedo_err).enumerate() {
-            for c in 0..3 {
-                (a[c], e[c]) = if masks[s][k] {
-                    ((a[c] - highlight.share) / seen[k], e[c] / seen[k])
-                } else {
-                    (f64::NAN, f64::NAN)
-                };
-            }
+            *a = if mask[k] { (*a - highlight.share) / seen[k] } else { Rgb::splat(f64::NAN) };
+            *e = if mask[k] { *e / seen[k] } else { Rgb::splat(f64::NAN) };
         }
-        let off = |map: Vec<[f64; 3]>| {
-            map.into_iter().zip(&masks[s]).map(|(v, m)| if *m { v } else { [f64::NAN; 3] }).collect::<Vec<_>>()
-        };
+        let off = |map: &[Rgb]| map.iter().zip(mask).map(|(v, m)| if *m { *v } else { Rgb::splat(f64::NAN) }).collect();
         DomeSideMaps {
             albedo,
             albedo_err,
-            transmittance: off(t),
-            transmittance_err: off(t_err),
-            height: heights[s].clone(),
+            transmittance: off(&through[name].0),
+            transmittance_err: off(&through[name].1),
+            height: shape.height[name].clone(),
             normal,
             visible: seen,
             highlight,
             status: Vec::new(),
         }
     });
-    let (Some(mut front), Some(mut back)) = (sides.next(), sides.next()) else {
-        return Err(Error::input(&capture.folder, "found less than two sides"));
-    };
-    let holes: Vec<bool> = {
-        let back = mirror(&capture.back.height, w);
-        (0..w * h).map(|k| !(capture.front.height[k].is_finite() && back[k].is_finite())).collect()
-    };
+    let own = |name: Side, map: &[bool]| if name == Side::Front { map.to_vec() } else { mirror(map, w) };
+    let behind = mirror(&capture.sides.back.height, w);
+    let holes: Vec<bool> =
+        capture.sides.front.height.iter().zip(behind).map(|(a, b)| !(a.is_finite() && b.is_finite())).collect();
     let thin: Vec<bool> = shape.thickness.iter().map(|d| *d <= 0.0).collect();
-    front.status = status(&front, &back, &capture.front, &masks[0], &holes, &thin, w);
-    back.status = status(&back, &front, &capture.back, &masks[1], &mirror(&holes, w), &mirror(&thin, w), w);
+    let found = Sides::of(|name| {
+        let pictures = &capture.sides[name];
+        status([&sides[name], &sides[name.other()]], pictures, &masks[name], &own(name, &holes), &own(name, &thin), w)
+    });
+    sides.front.status = found.front;
+    sides.back.status = found.back;
     Ok(DomeMaps {
-        width: w,
-        height: h,
+        size: m.size(),
         texel_mm: m.texel_mm,
         thickness_err: mask.iter().map(|m| if *m { shape.alignment.thickness_error_mm } else { f64::NAN }).collect(),
         mask,
         thickness: shape.thickness,
         alignment: shape.alignment,
         noise,
-        front,
-        back,
+        sides,
     })
 }
 
@@ -249,7 +225,7 @@ fn photo_noise(capture: &DomeCapture) -> PhotoNoise {
             stated: true,
         };
     }
-    let green: Vec<f64> = capture.front.albedo.iter().map(|v| f64::from(v[1])).collect();
+    let green: Vec<f64> = capture.sides.front.albedo.iter().map(|v| f64::from(v[1])).collect();
     let mask = capture.mask.clone().unwrap_or_else(|| vec![true; green.len()]);
     let floor = deviation(&green, &mask, m.width).map_or(0.0, |(sd, _)| sd);
     PhotoNoise { relative: 0.0, floor, stated: false }
@@ -258,41 +234,37 @@ fn photo_noise(capture: &DomeCapture) -> PhotoNoise {
 /// picture/reference and its standard error; the dark level was already subtracted from both. NaN where the reference
 /// shows no light.
 fn quotient(
-    picture: &DomePixels,
-    reference: &DomePixels,
+    picture: &[Rgb<f32>],
+    reference: &[Rgb<f32>],
     noise: PhotoNoise,
     m: &DomeManifest,
     dark: bool,
-) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+) -> (Vec<Rgb>, Vec<Rgb>) {
     let shots = f64::from(m.reference_shots);
     let variance = |v: f64| (noise.relative * v).powi(2) + noise.floor.powi(2);
     let dark = if dark { noise.floor.powi(2) / shots } else { 0.0 };
-    let texel = |(p, r): (&[f32; 3], &[f32; 3])| {
-        let (mut value, mut error) = ([f64::NAN; 3], [f64::NAN; 3]);
-        for c in 0..3 {
-            let (p, r) = (f64::from(p[c]), f64::from(r[c]));
-            if r > 0.0 && p.is_finite() {
-                let q = p / r;
-                value[c] = q;
-                // The same dark frame is subtracted from both.
-                error[c] = (variance(p) + q * q * variance(r) / shots + (1.0 - q).powi(2) * dark).sqrt() / r;
-            }
+    let texel = |p: f32, r: f32| {
+        let (p, r) = (f64::from(p), f64::from(r));
+        if !(r > 0.0 && p.is_finite()) {
+            return (f64::NAN, f64::NAN);
         }
-        (value, error)
+        let q = p / r;
+        // The same dark frame is subtracted from both.
+        (q, (variance(p) + q * q * variance(r) / shots + (1.0 - q).powi(2) * dark).sqrt() / r)
     };
-    picture.iter().zip(reference).map(texel).unzip()
+    picture.iter().zip(reference).map(|(p, r)| p.zip(*r, texel).unzip()).unzip()
 }
 
 /// `mask.exr`, or the texels that darken the back light on both sides. Also checks that the outlines of both sides are
 /// those of one leaf. `through` is what came through each side.
-fn outline(capture: &DomeCapture, through: [&[[f64; 3]]; 2]) -> Result<Vec<bool>> {
-    let (w, h) = (capture.manifest.width, capture.manifest.height);
-    let seen = [0, 1].map(|s: usize| {
-        let ratio: Vec<[f32; 3]> = through[s].iter().map(|v| v.map(|v| v as f32)).collect();
-        mask_from_transmission(&ratio, ImageSize::new(w, h))
+fn outline(capture: &DomeCapture, through: &Sides<(Vec<Rgb>, Vec<Rgb>)>) -> Result<Vec<bool>> {
+    let w = capture.manifest.width;
+    let seen = Sides::of(|side| {
+        let ratio: Vec<Rgb<f32>> = through[side].0.iter().map(|v| v.map(|v| v as f32)).collect();
+        mask_from_transmission(&ratio, capture.manifest.size())
     });
     let path = |side| DomePicture::Translucency.path(&capture.folder, side);
-    for (side, seen) in [Side::Front, Side::Back].into_iter().zip(&seen) {
+    for (side, seen) in seen.iter() {
         if !seen.contains(&true) {
             return Err(Error::input(
                 &path(side),
@@ -300,8 +272,7 @@ fn outline(capture: &DomeCapture, through: [&[[f64; 3]]; 2]) -> Result<Vec<bool>
             ));
         }
     }
-    let [front, back] = &seen;
-    let back = mirror(back, w);
+    let (front, back) = (&seen.front, mirror(&seen.back, w));
     let compare = |side, seen: &[bool], mask: &[bool], what: &str| {
         let (fits, turned) = (overlap(seen, mask), overlap(&mirror(seen, w), mask));
         if turned > fits + 0.1 {
@@ -349,8 +320,7 @@ fn overlap(a: &[bool], b: &[bool]) -> f64 {
 /// The first defect that applies. Light that comes through towards this camera fell on the other side, so that side's
 /// albedo is used in the check of energy.
 fn status(
-    side: &DomeSideMaps,
-    other: &DomeSideMaps,
+    [side, other]: [&DomeSideMaps; 2],
     pictures: &DomeSidePictures,
     mask: &[bool],
     holes: &[bool],
@@ -366,7 +336,7 @@ fn status(
                 return OUTSIDE;
             }
             let (a, t) = (side.albedo[k], side.transmittance[k]);
-            let three = |v: [f64; 3], f: &dyn Fn(f64, usize) -> bool| (0..3).any(|c| f(v[c], c));
+            let three = |v: Rgb, f: &dyn Fn(f64, usize) -> bool| (0..3).any(|c| f(v[c], c));
             let defect = if pictures.saturated[k] {
                 Some(Defect::Saturated)
             } else if a.iter().chain(&t).any(|v| !v.is_finite()) {

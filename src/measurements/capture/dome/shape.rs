@@ -7,14 +7,15 @@ use super::reader::DomeCapture;
 use super::reduction::Options;
 use super::smoothing::{SmoothingKernel, smooth};
 use crate::{Error, Result};
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::statistics::quantile;
-use mesophyll_optics::side::{Side, mirror};
+use mesophyll_optics::side::{Side, Sides, mirror};
 use std::path::Path;
 
 /// Thickness (front's columns) and both sides' smoothed heights over the middle plane.
 pub struct BladeShape {
     pub thickness: Vec<f64>,
-    pub height: [Vec<f64>; 2],
+    pub height: Sides<Vec<f64>>,
     pub alignment: ScanAlignment,
 }
 
@@ -24,25 +25,26 @@ pub struct BladeShape {
 /// [`Error::Input`] when the scans hold too little, do not cancel except for a thickness, or have the wrong sign.
 pub fn shape(capture: &DomeCapture, mask: &[bool], options: &Options) -> Result<BladeShape> {
     let m = &capture.manifest;
-    let (w, h) = (m.width, m.height);
+    let (size, w) = (m.size(), m.width);
     let path = DomePicture::Height.path(&capture.folder, Side::Back);
-    let mut scans = [capture.front.height.clone(), mirror(&capture.back.height, w)]
-        .map(|s| s.into_iter().map(f64::from).collect::<Vec<_>>());
-    let sum: Vec<f64> = (0..w * h).map(|k| if mask[k] { scans[0][k] + scans[1][k] } else { f64::NAN }).collect();
-    let lean = alignment::plane(&sum, mask, w).ok_or_else(|| {
+    let scanned = |side: Side| capture.sides[side].height.iter().map(|z| f64::from(*z)).collect::<Vec<_>>();
+    let mut scans = Sides { front: scanned(Side::Front), back: mirror(&scanned(Side::Back), w) };
+    let sums = scans.front.iter().zip(&scans.back).zip(mask);
+    let sum: Vec<f64> = sums.map(|((a, b), m)| if *m { a + b } else { f64::NAN }).collect();
+    let lean = alignment::plane(&sum, mask, size).ok_or_else(|| {
         Error::input(
             &path,
             "fewer than 16 texels of the leaf have a height on both sides; expected heights all over it",
         )
     })?;
-    let rest: Vec<f64> = (0..w * h).map(|k| sum[k] - lean.at(k, w, h)).collect();
+    let rest: Vec<f64> = sum.iter().enumerate().map(|(k, v)| v - lean.at(k, size)).collect();
 
     let filter = SmoothingKernel::gaussian(m.height_filter_mm / m.texel_mm);
     let noise = m.height_noise_mm.or_else(|| alignment::height_noise(&rest, mask, w, &filter)).unwrap_or(0.0);
     let forced = options.smooth_mm.map(|s| s / m.texel_mm);
     let thin = alignment::best_width(&rest, w, &filter, 2f64.sqrt() * noise, SmoothingGoal::Values, forced);
-    let flat = [0, 1].map(|s: usize| {
-        let on: Vec<f64> = scans[s].iter().zip(mask).map(|(v, m)| if *m { *v } else { f64::NAN }).collect();
+    let flat = Side::ALL.map(|side| {
+        let on: Vec<f64> = scans[side].iter().zip(mask).map(|(v, m)| if *m { *v } else { f64::NAN }).collect();
         alignment::best_width(&on, w, &filter, noise, SmoothingGoal::Slopes, forced)
     });
     let weight: Vec<f64> = rest.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
@@ -52,29 +54,30 @@ pub fn shape(capture: &DomeCapture, mask: &[bool], options: &Options) -> Result<
     one_blade(&path, m, above, below)?;
 
     let top = alignment::highest(&rest, w, &filter, m.contact_texels(), 2f64.sqrt() * noise);
-    let (shift_mm, shift_err_mm) = alignment::shift(&rest, &scans[0], mask, w, m.texel_mm);
-    let trend = alignment::trend_err(&rest, mask, w, top.at);
+    let (shift_mm, shift_err_mm) = alignment::shift(&rest, &scans.front, mask, size, m.texel_mm);
+    let trend = alignment::trend_err(&rest, mask, size, top.at);
     let offset = m.thickness_max_mm - top.value;
     let filled = |values: &[f64], width: f64| filled(values, mask, w, width);
     let thickness: Vec<f64> = filled(&rest, thin.texels).into_iter().map(|v| v + offset).collect();
     // The back scan gets all of the lean. The middle plane is the front's mean less half the thickness.
     let mean = |map: &[f64]| {
-        let (sum, n) =
-            (0..w * h).filter(|&k| mask[k] && map[k].is_finite()).fold((0.0, 0usize), |(s, n), k| (s + map[k], n + 1));
+        let (sum, n) = (0..map.len())
+            .filter(|&k| mask[k] && map[k].is_finite())
+            .fold((0.0, 0usize), |(s, n), k| (s + map[k], n + 1));
         sum / n.max(1) as f64
     };
     let half = 0.5 * mean(&thickness);
-    let zero = mean(&scans[0]) - half;
-    scans[0].iter_mut().for_each(|v| *v -= zero);
-    scans[1].iter_mut().enumerate().for_each(|(k, v)| *v += zero + offset - lean.at(k, w, h));
-    let [front, back] = scans;
-    let height = [filled(&front, flat[0].texels), mirror(&filled(&back, flat[1].texels), w)];
+    let zero = mean(&scans.front) - half;
+    scans.front.iter_mut().for_each(|v| *v -= zero);
+    scans.back.iter_mut().enumerate().for_each(|(k, v)| *v += zero + offset - lean.at(k, size));
+    let height =
+        Sides { front: filled(&scans.front, flat[0].texels), back: mirror(&filled(&scans.back, flat[1].texels), w) };
     let [x, y] = lean.lean();
     let alignment = ScanAlignment {
         tilt: [x / m.texel_mm, y / m.texel_mm],
         shift_mm,
         shift_err_mm,
-        offset_mm: offset - lean.at(0, 1, 1),
+        offset_mm: offset - lean.at(0, ImageSize::new(1, 1)),
         offset_err_mm: top.error.hypot(trend).hypot(m.thickness_max_err_mm.unwrap_or(0.0)),
         trend_err_mm: trend,
         raised_mm: top.raised,

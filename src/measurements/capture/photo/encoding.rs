@@ -4,6 +4,7 @@ use super::manifest::TransferCurve;
 use super::picture::too_large;
 use crate::photo::{Error, Result};
 use image::ImageDecoder;
+use mesophyll_base::rgb::Rgb;
 use mesophyll_files::{atomic, whole_file};
 use std::path::Path;
 
@@ -18,7 +19,7 @@ const JPEG_STEPS: f64 = 1.0;
 const ROUNDED_STEPS: f64 = 0.288_675;
 
 /// Columns, rows and linear readings of a picture, and the errors of its 8 bits, where it has no more.
-pub(super) type Read = (usize, usize, Vec<[f32; 3]>, Option<TonalSteps>);
+pub(super) type Read = (usize, usize, Vec<Rgb<f32>>, Option<TonalSteps>);
 
 /// The numbers of a picture with 8 bits a channel: the light that each stands for, ascending, and how many steps a
 /// number is off by.
@@ -137,7 +138,7 @@ pub(super) fn read(path: &Path, transfer: TransferCurve) -> Result<Read> {
     };
     let table: Vec<f32> = (0..=u16::MAX).map(decode).collect();
     let (width, height) = (image.width() as usize, image.height() as usize);
-    let pixels = image.into_rgb16().pixels().map(|p| p.0.map(|v| table[usize::from(v)])).collect();
+    let pixels = image.into_rgb16().pixels().map(|p| Rgb(p.0).map(|v| table[usize::from(v)])).collect();
     Ok((width, height, pixels, coarse.then(|| TonalSteps::new(transfer, jpeg))))
 }
 

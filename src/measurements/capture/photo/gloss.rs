@@ -133,7 +133,7 @@ mod tests {
         let within = (found.share - 0.028).abs() / found.stderr;
         assert!(within < 1.8, "the ends of a range are √3 standard deviations from its middle: {found:?}");
         // With the outline and without regard to noise it was much too low.
-        let all = crate::dome::highlight::estimate(&seen.iter().map(|v| v.0).collect::<Vec<_>>(), &vec![true; n], None);
+        let all = crate::dome::highlight::estimate(&seen, &vec![true; n], None);
         assert!(all.at_most < 0.018, "{all:?}");
     }
 

@@ -146,7 +146,7 @@ mod tests {
     fn means_over_texels_are_as_noisy_as_said() {
         let (w, h) = (900, 900);
         let mut stream = RandomStream::new(7, &[1]);
-        let pixels: Vec<[f32; 3]> = (0..w * h).map(|_| [0, 1, 2].map(|_| stream.normal_pair()[0] as f32)).collect();
+        let pixels: Vec<Rgb<f32>> = (0..w * h).map(|_| Rgb::of(|_| stream.normal_pair()[0] as f32)).collect();
         let picture =
             LinearPhotograph { path: "noise.exr".into(), width: w, height: h, pixels, highest: (9.0, 1), steps: None };
         for (step, scale) in [(2, 0.5), (1, 1.0), (2, 1.0), (4, 0.9), (2, 3.0)] {

@@ -53,7 +53,7 @@ impl SheetLight {
             for k in (j..j + side).flat_map(|y| (i..i + side).map(move |x| y * w + x)) {
                 let pixel = picture.pixels[k];
                 if pixel.iter().all(|v| v.is_finite()) {
-                    sum += Rgb(pixel).map(f64::from);
+                    sum += pixel.map(f64::from);
                     count += 1.0;
                 }
             }

@@ -47,10 +47,10 @@ pub(super) fn on_light_table(picture: &LinearPhotograph, bare: &LinearPhotograph
     levels.retain(|v| v.is_finite());
     let full = quantile(&mut levels, 0.9).unwrap_or(0.0);
     // Where the bare picture is darker than a tenth of the table there is no table.
-    let mut ratio: Vec<[f32; 3]> = (0..w * h)
+    let mut ratio: Vec<Rgb<f32>> = (0..w * h)
         .map(|k| {
             let lit = f64::from(bare.grey(k)) > 0.1 * full;
-            [0, 1, 2].map(|c: usize| if lit { picture.pixels[k][c] / bare.pixels[k][c] } else { f32::NAN })
+            Rgb::of(|c| if lit { picture.pixels[k][c] / bare.pixels[k][c] } else { f32::NAN })
         })
         .collect();
     // The table may have become darker or brighter. The leaf is darker than the table beside it, whatever that shows.

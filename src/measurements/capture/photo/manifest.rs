@@ -1,10 +1,10 @@
 //! `capture.toml` of photographs: which pictures there are, what lies in them, and what is stated because no
 //! photograph shows it. Places in a picture are in pixels from its upper left corner, lengths in mm.
 
+use crate::folder::content_hash;
 use crate::kind::{self, CaptureKind};
 use crate::manifest_check::ManifestCheck;
 use crate::photo::{Error, Result};
-use mesophyll_files::hash;
 use mesophyll_optics::side::Side;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -226,9 +226,8 @@ impl PhotoManifest {
     /// # Errors
     /// [`Error::Input`] for a picture that cannot be read.
     pub fn hash(&self, folder: &Path) -> Result<String> {
-        let names: Vec<&str> = ["capture.toml"].into_iter().chain(self.files().map(|(_, file)| file)).collect();
-        let hashes = names.iter().map(|n| hash::file(&folder.join(n))).collect::<Result<Vec<String>>>()?;
-        Ok(hash::combine(names.into_iter().zip(hashes.iter().map(String::as_str))))
+        let names = ["capture.toml"].into_iter().chain(self.files().map(|(_, file)| file));
+        content_hash(folder, &names.map(|name| folder.join(name)).collect::<Vec<_>>())
     }
 
     fn validate(&self, path: &Path) -> Result<()> {

@@ -166,7 +166,7 @@ mod tests {
             let of: Vec<f64> = of.into_iter().filter(|v| v.0 == nearest).map(|v| v.1).collect();
             (of.iter().sum::<f64>() / of.len() as f64) as f32
         };
-        let pixels = (0..W * H).map(|k| [0, 1, 2].map(|c| between((k % W) as i64, (k / W) as i64, c))).collect();
+        let pixels = (0..W * H).map(|k| Rgb::of(|c| between((k % W) as i64, (k / W) as i64, c))).collect();
         LinearPhotograph { path: "card.exr".into(), width: W, height: H, pixels, highest: (1.0, 1), steps: None }
     }
 

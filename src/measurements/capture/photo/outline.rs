@@ -113,7 +113,7 @@ pub fn on_sheet(picture: &LinearPhotograph, other: &[usize], most: usize) -> Pho
 ///
 /// # Errors
 /// [`Error::Input`] where nothing is darker than the table, and where the leaf touches the border.
-pub fn on_table(picture: &LinearPhotograph, ratio: &[[f32; 3]]) -> Result<Vec<bool>> {
+pub fn on_table(picture: &LinearPhotograph, ratio: &[Rgb<f32>]) -> Result<Vec<bool>> {
     let size = picture.size();
     let (label, sizes) = pieces(&mask_from_transmission(ratio, size), size);
     let largest = (1..sizes.len()).max_by_key(|&p| (sizes[p], usize::MAX - p)).filter(|&p| sizes[p] >= SMALLEST);

@@ -24,7 +24,7 @@ pub struct LinearPhotograph {
     /// Rows.
     pub height: usize,
     /// Linear readings; +∞ where a channel is clipped, NaN where there is none.
-    pub pixels: Vec<[f32; 3]>,
+    pub pixels: Vec<Rgb<f32>>,
     /// The highest reading that is not clipped, and the number of readings that share it: many where a sensor clips
     /// without a stated full scale.
     pub highest: (f32, usize),
@@ -57,7 +57,7 @@ impl LinearPhotograph {
         };
         let full = manifest.full_scale.map_or(f32::INFINITY, |full| full as f32);
         let mut highest = (f32::MIN, 0);
-        for value in pixels.as_flattened_mut() {
+        for value in pixels.iter_mut().flatten() {
             if *value >= full {
                 *value = f32::INFINITY;
             } else if *value > highest.0 {
@@ -100,7 +100,7 @@ impl LinearPhotograph {
         for (di, dj, w) in [(0, 0, (1.0 - u) * (1.0 - v)), (1, 0, u * (1.0 - v)), (0, 1, (1.0 - u) * v), (1, 1, u * v)]
         {
             if w > 1e-9 {
-                sum += w * Rgb(self.pixels[(j + dj) * self.width + i + di]).map(f64::from);
+                sum += w * self.pixels[(j + dj) * self.width + i + di].map(f64::from);
             }
         }
         sum
@@ -120,5 +120,5 @@ fn linear(path: &Path) -> Result<encoding::Read> {
     let request = PictureRequest { names: &RGB, all: false, outside: f32::NAN };
     let picture::LinearPicture { maps, said } = picture::read(path, &request, |w, h| too_large(path, w, h))?;
     picture::tell(path, &said);
-    Ok((maps.width, maps.height, crate::reader::interleave(&maps), None))
+    Ok((maps.width, maps.height, maps.rgb(), None))
 }

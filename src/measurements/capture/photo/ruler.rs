@@ -94,6 +94,7 @@ pub fn scale(picture: &LinearPhotograph, ruler: &Ruler) -> PictureScale {
 mod tests {
     use super::*;
     use mesophyll_base::image::ImageSize;
+    use mesophyll_base::rgb::Rgb;
 
     /// Ticks 7.31 pixels apart along a slanted line, under noise. The marks are clicked up to a pixel and a half off;
     /// the ticks give the scale to the printed accuracy. Without ticks the marks give it, at their own error.
@@ -109,7 +110,7 @@ mod tests {
                 let [x, y] = ImageSize::new(width, height).middle(k);
                 let phase = (x * along[0] + y * along[1]) / 7.31;
                 let dark = if ticks && phase - phase.floor() < 0.3 { 0.5 } else { 0.0 };
-                [(0.8 - dark + noise) as f32; 3]
+                Rgb::splat((0.8 - dark + noise) as f32)
             };
             let pixels = (0..width * height).map(pixel).collect();
             LinearPhotograph { path: "ruler.exr".into(), width, height, pixels, highest: (0.85, 1), steps: None }

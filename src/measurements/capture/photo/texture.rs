@@ -83,6 +83,7 @@ mod tests {
     use super::*;
     use crate::photo::registration::{BinaryMask, register};
     use mesophyll_base::random::RandomStream;
+    use mesophyll_base::rgb::Rgb;
 
     const W: usize = 200;
     const H: usize = 140;
@@ -100,7 +101,7 @@ mod tests {
             let vein = veins * f64::from(u8::from((x - 0.6 * y.abs()).rem_euclid(17.0) < 4.0));
             let light = if on { 0.3 + vein + 0.0005 * x } else { 0.04 };
             inside.push(on);
-            pixels.push([(light + 0.01 * stream.normal_pair()[0]) as f32; 3]);
+            pixels.push(Rgb::splat((light + 0.01 * stream.normal_pair()[0]) as f32));
         }
         (
             inside,

@@ -10,6 +10,7 @@
 
 use super::noise::deviation;
 use super::smoothing::{SmoothingKernel, pass, smooth};
+use mesophyll_base::image::ImageSize;
 use mesophyll_base::random::RandomStream;
 use mesophyll_base::statistics::{NORMAL_MEDIAN, median_of};
 use serde::Serialize;
@@ -59,8 +60,8 @@ pub struct ScanAlignment {
 pub struct ScanPlane([f64; 3]);
 
 impl ScanPlane {
-    pub fn at(&self, k: usize, width: usize, height: usize) -> f64 {
-        let [x, y] = place(k, width, height);
+    pub fn at(&self, k: usize, size: ImageSize) -> f64 {
+        let [x, y] = size.place_mm(1.0, k);
         self.0[0] + self.0[1] * x + self.0[2] * y
     }
 
@@ -70,14 +71,9 @@ impl ScanPlane {
     }
 }
 
-fn place(k: usize, width: usize, height: usize) -> [f64; 2] {
-    [(k % width) as f64 + 0.5 - 0.5 * width as f64, 0.5 * height as f64 - 0.5 - (k / width) as f64]
-}
-
 /// The plane through `values` where they are numbers on `mask`, by least squares and then Tukey's biweight. `None` with
 /// fewer than 16 such texels, or where they lie on one line.
-pub fn plane(values: &[f64], mask: &[bool], width: usize) -> Option<ScanPlane> {
-    let height = values.len() / width;
+pub fn plane(values: &[f64], mask: &[bool], size: ImageSize) -> Option<ScanPlane> {
     let at: Vec<usize> = (0..values.len()).filter(|&k| mask[k] && values[k].is_finite()).collect();
     if at.len() < 16 {
         return None;
@@ -88,7 +84,7 @@ pub fn plane(values: &[f64], mask: &[bool], width: usize) -> Option<ScanPlane> {
         let mut normal = nalgebra::Matrix3::<f64>::zeros();
         let mut right = nalgebra::Vector3::<f64>::zeros();
         for (&k, &w) in at.iter().zip(&weight) {
-            let [x, y] = place(k, width, height);
+            let [x, y] = size.place_mm(1.0, k);
             let row = nalgebra::Vector3::new(1.0, x, y);
             normal += w * row * row.transpose();
             right += w * values[k] * row;
@@ -99,9 +95,9 @@ pub fn plane(values: &[f64], mask: &[bool], width: usize) -> Option<ScanPlane> {
         }
         let before = found;
         found = ScanPlane([solved[0], solved[1], solved[2]]);
-        let rest: Vec<f64> = at.iter().map(|&k| values[k] - found.at(k, width, height)).collect();
+        let rest: Vec<f64> = at.iter().map(|&k| values[k] - found.at(k, size)).collect();
         let moved = (0..3)
-            .map(|c| (found.0[c] - before.0[c]).abs() * if c == 0 { 1.0 } else { width as f64 })
+            .map(|c| (found.0[c] - before.0[c]).abs() * if c == 0 { 1.0 } else { size.width as f64 })
             .fold(0.0, f64::max);
         match biweight(&rest) {
             Some((scale, next)) if moved > 1e-9 * scale => weight = next,
@@ -127,15 +123,14 @@ fn biweight(rest: &[f64]) -> Option<(f64, Vec<f64>)> {
 /// told from a plane. Slow variations have larger amplitudes the longer their waves are. A lean is half a wave and a
 /// bend a whole wave, so the lean is assumed to be twice as large as the second-order bends that `rest` (values less
 /// their plane) shows.
-pub(crate) fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) -> f64 {
-    let height = rest.len() / width;
+pub(crate) fn trend_err(rest: &[f64], mask: &[bool], size: ImageSize, at: usize) -> f64 {
+    let place = |k: usize| size.place_mm(1.0, k);
     let on: Vec<usize> = (0..rest.len()).filter(|&k| mask[k] && rest[k].is_finite()).collect();
     let n = on.len().max(1) as f64;
-    let centre = [0, 1].map(|c: usize| on.iter().map(|&k| place(k, width, height)[c]).sum::<f64>() / n);
-    let spread = [0, 1]
-        .map(|c: usize| (on.iter().map(|&k| (place(k, width, height)[c] - centre[c]).powi(2)).sum::<f64>() / n).sqrt());
+    let centre = [0, 1].map(|c: usize| on.iter().map(|&k| place(k)[c]).sum::<f64>() / n);
+    let spread = [0, 1].map(|c: usize| (on.iter().map(|&k| (place(k)[c] - centre[c]).powi(2)).sum::<f64>() / n).sqrt());
     let unit = |k: usize| {
-        let p = place(k, width, height);
+        let p = place(k);
         [0, 1].map(|c: usize| (p[c] - centre[c]) / spread[c].max(1e-9))
     };
     let values: Vec<f64> = on.iter().map(|&k| rest[k]).collect();
@@ -159,12 +154,11 @@ pub(crate) fn trend_err(rest: &[f64], mask: &[bool], width: usize, at: usize) ->
 /// How far the back's scan is displaced from the front's (mm along x and y of the front), and its standard error by the
 /// jackknife. A shift s adds s·∇z to the sum of the scans, where z is the blade's relief (here the front's, smoothed by
 /// a texel and a half). `rest` is the sum less its plane; a lean in both is left out.
-pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm: f64) -> ([f64; 2], [f64; 2]) {
-    let height = rest.len() / width;
+pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], size: ImageSize, texel_mm: f64) -> ([f64; 2], [f64; 2]) {
+    let ImageSize { width, height } = size;
     let weight: Vec<f64> = (0..rest.len()).map(|k| f64::from(u8::from(mask[k] && front[k].is_finite()))).collect();
     let calm = smooth(front, &weight, width, &SmoothingKernel::gaussian(1.5));
-    let inside = |k: usize| !k.is_multiple_of(width) && k % width + 1 < width && k >= width && k + width < rest.len();
-    let near = |k: usize| inside(k) && [k - 1, k + 1, k - width, k + width].iter().all(|&n| weight[n] > 0.0);
+    let near = |k: usize| size.neighbours(k).filter(|&n| weight[n] > 0.0).count() == 4;
     let on: Vec<usize> = (0..rest.len()).filter(|&k| weight[k] > 0.0 && rest[k].is_finite() && near(k)).collect();
     let values: Vec<f64> = on.iter().map(|&k| rest[k]).collect();
     let Some((_, tukey)) = biweight(&values) else { return ([0.0; 2], [0.0; 2]) };
@@ -173,10 +167,11 @@ pub fn shift(rest: &[f64], front: &[f64], mask: &[bool], width: usize, texel_mm:
     const BLOCKS: usize = 4;
     let mut sums = vec![(nalgebra::Matrix5::<f64>::zeros(), nalgebra::Vector5::<f64>::zeros()); BLOCKS * BLOCKS];
     for ((&k, w), r) in on.iter().zip(&tukey).zip(&values) {
-        let [x, y] = place(k, width, height);
+        let [x, y] = size.place_mm(1.0, k);
         let slope = [calm[k + 1] - calm[k - 1], calm[k - width] - calm[k + width]].map(|d| 0.5 * d / texel_mm);
         let row = nalgebra::Vector5::new(1.0, x / width as f64, y / height as f64, slope[0], slope[1]);
-        let (normal, right) = &mut sums[k / width * BLOCKS / height * BLOCKS + k % width * BLOCKS / width];
+        let [i, j] = size.position(k);
+        let (normal, right) = &mut sums[j * BLOCKS / height * BLOCKS + i * BLOCKS / width];
         *normal += *w * row * row.transpose();
         *right += *w * *r * row;
     }

@@ -19,14 +19,14 @@ fn the_plane_is_the_laminas_whatever_the_veins_do() {
     let values: Vec<f64> = (0..w * h)
         .map(|k| {
             let vein = if (k / w) > 90 && (k % w) < 40 { 0.1 } else { 0.0 };
-            middle[k] + vein + 0.01 * noise[k] + lean.at(k, w, h)
+            middle[k] + vein + 0.01 * noise[k] + lean.at(k, ImageSize::new(w, h))
         })
         .collect();
-    let found = plane(&values, &vec![true; w * h], w).unwrap();
+    let found = plane(&values, &vec![true; w * h], ImageSize::new(w, h)).unwrap();
     // σ_b = σ/(√n · w/√12) = 1.6e-6 per texel for the noise alone.
     assert!((found.lean()[0] - 2e-4).abs() < 1e-5 && (found.lean()[1] + 5e-4).abs() < 1e-5, "{found:?}");
     assert!(
-        plane(&values, &(0..w * h).map(|k| k < w).collect::<Vec<_>>(), w).is_none(),
+        plane(&values, &(0..w * h).map(|k| k < w).collect::<Vec<_>>(), ImageSize::new(w, h)).is_none(),
         "one row says nothing of the other direction"
     );
 }
