@@ -106,7 +106,7 @@ wheel: setup
 	@.ci/python
 	@[ -x $${CARGO_TARGET_DIR:-target}/python/bin/maturin ] || \
 	    { echo "No wheel: maturin, which builds it, could not be installed; the lines above say why" >&2; exit 1; }
-	$${CARGO_TARGET_DIR:-target}/python/bin/maturin build --profile installed --locked -m src/outputs/python/Cargo.toml
+	$${CARGO_TARGET_DIR:-target}/python/bin/maturin build --profile installed --locked --compatibility pypi -m src/outputs/python/Cargo.toml
 
 setup:
 	@.ci/setup

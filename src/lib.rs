@@ -50,10 +50,11 @@
 //! and the compiler refuses any other. A room stands one floor above the highest one that it uses:
 //!
 //! ```text
+//! 9  python
 //! 8  mesophyll (the command line)
 //! 7  proof
 //! 6  check       fit-scene   report
-//! 5  export      python      scene
+//! 5  export      scene
 //! 4  fits
 //! 3  synth
 //! 2  capture     plants      transport   web         window

@@ -12,7 +12,9 @@ mod bench;
 mod check;
 mod completions;
 mod destination;
+mod display;
 mod dress;
+mod embedded;
 mod eval;
 mod export;
 mod film;
@@ -36,6 +38,7 @@ mod synth;
 mod tables;
 mod verb_choice;
 mod view;
+pub use embedded::{VerbAnswer, answer};
 pub use memory::ReportingAllocator;
 pub(crate) use mesophyll_base::error::{Error, Result};
 
@@ -138,21 +141,6 @@ impl Verb {
     }
 }
 
-/// Keeps libwayland from printing "XDG_RUNTIME_DIR is invalid" whenever Mesa's device selection asks it for a display
-/// that is not there. A session with a valid folder keeps it. Otherwise the variable names a place that nobody can
-/// fill: a temporary folder could hold a stranger's socket.
-#[cfg(all(unix, feature = "render"))]
-fn quiet_display_libraries() {
-    let valid = std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|d| std::path::Path::new(&d).is_absolute());
-    if !valid {
-        // SAFETY: this is the start of `main`; there is no other thread yet that could read the environment.
-        unsafe { std::env::set_var("XDG_RUNTIME_DIR", "/dev/null/no-display") };
-    }
-}
-
-#[cfg(not(all(unix, feature = "render")))]
-fn quiet_display_libraries() {}
-
 /// Parses the command line, runs the verb, prints an error once.
 pub fn main() -> ExitCode {
     let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
@@ -164,7 +152,7 @@ pub fn main() -> ExitCode {
         }
     };
     memory::prepare();
-    quiet_display_libraries();
+    display::quiet_libraries();
     progress::set_quiet(cli.common.quiet);
     stop_on_ctrl_c();
     let _verb = progress::TaskProgress::of(cli.verb.name());
@@ -262,7 +250,7 @@ pub fn print(text: &str) -> Result<()> {
 /// As [`print`], for a file that is not text.
 fn print_bytes(bytes: &[u8]) -> Result<()> {
     use std::io::Write;
-    let mut out = std::io::stdout().lock();
+    let mut out = mesophyll_files::standard_output::StandardOutput;
     out.write_all(bytes).and_then(|()| out.flush()).map_err(mesophyll_files::table::stdout_error)
 }
 

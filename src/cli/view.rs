@@ -30,7 +30,7 @@ pub struct Args {
     screenshot: Option<PathBuf>,
 }
 
-#[cfg(feature = "render")]
+#[cfg(feature = "window")]
 pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     use crate::cli::Error;
     use mesophyll_check as check;
@@ -108,7 +108,7 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     Ok(0)
 }
 
-#[cfg(not(feature = "render"))]
+#[cfg(not(feature = "window"))]
 pub fn run(_args: &Args, _common: &CommonArgs) -> Result<u8> {
-    Err(crate::cli::Error::Missed("nothing to open: this build has no renderer (feature `render`)".into()))
+    Err(crate::cli::Error::Missed("nothing to open: this build has no window (feature `window`)".into()))
 }

@@ -16,6 +16,8 @@ static QUIET: AtomicBool = AtomicBool::new(false);
 static STOP: AtomicBool = AtomicBool::new(false);
 static STAYS: AtomicBool = AtomicBool::new(false);
 static PAUSED: AtomicBool = AtomicBool::new(false);
+/// What was said since [`listen`].
+static HEARD: Mutex<Option<Vec<String>>> = Mutex::new(None);
 /// What is under way, outermost first.
 static TASKS: Mutex<Vec<Arc<Task>>> = Mutex::new(Vec::new());
 
@@ -34,12 +36,29 @@ pub fn pause() {
     PAUSED.store(true, Ordering::Relaxed);
 }
 
-/// Says something on stderr, unless `--quiet`.
+/// Says something on stderr, unless `--quiet`. A program that listens gets it in any case.
 pub fn say(text: impl std::fmt::Display) {
-    if !is_quiet() {
-        let text = text.to_string();
-        bars().suspend(|| eprintln!("{}", mesophyll_base::error::short(&text)));
+    let mut heard = HEARD.lock().unwrap_or_else(PoisonError::into_inner);
+    if is_quiet() && heard.is_none() {
+        return;
     }
+    let text = mesophyll_base::error::short(&text.to_string()).to_string();
+    if !is_quiet() {
+        bars().suspend(|| eprintln!("{text}"));
+    }
+    if let Some(heard) = heard.as_mut() {
+        heard.push(text);
+    }
+}
+
+/// From now on what is said is kept, until [`heard`].
+pub fn listen() {
+    *HEARD.lock().unwrap_or_else(PoisonError::into_inner) = Some(Vec::new());
+}
+
+/// What was said since [`listen`].
+pub fn heard() -> Vec<String> {
+    HEARD.lock().unwrap_or_else(PoisonError::into_inner).take().unwrap_or_default()
 }
 
 /// Asks running work to stop at the next safe point (Ctrl-C).

@@ -70,6 +70,15 @@ fn the_package_gives_the_numbers_of_the_command_line() {
 }
 
 #[test]
+fn the_package_has_every_verb() {
+    let Some(python) = python() else { return };
+    let mut command = Command::new(python);
+    command.arg("tests/python/verbs.py").current_dir(root());
+    let said = done(command.env("MESOPHYLL", env!("CARGO_BIN_EXE_mesophyll")));
+    assert!(said.contains("Ran 16 tests"), "{said}");
+}
+
+#[test]
 fn the_notebooks_run() {
     let Some(python) = python() else { return };
     let program = Path::new(env!("CARGO_BIN_EXE_mesophyll")).parent().unwrap();

@@ -3,6 +3,7 @@ MESOPHYLL and the repository's root as the working folder.
 """
 
 import csv
+import inspect
 import io
 import os
 import signal
@@ -117,19 +118,19 @@ class Same(unittest.TestCase):
     def test_models(self):
         alpha, x = np.array([0.3, 1.0, 0.5]), np.array([1.0, 0.5, 0.0])
         rows = command("eval", "beam", text=table(alpha=alpha, x=x))
-        u, du = mp.beam(alpha, x)
+        u, du = mp.branch.evaluate(alpha, x)
         np.testing.assert_array_equal(u, cells(rows, "u"))
         np.testing.assert_array_equal(du, cells(rows, "du"))
         d, r = np.array([0.2, 0.5, 0.01, -1.0]), np.array([0.0, 0.3, 0.1, 0.1])
         for method in ("dipoles", "images", "thin"):
             rows = command("eval", "dipole", "--method", method, text=table(thickness=d, radius=r))
-            self.same(rows, mp.dipole(d, r, method=method), ["t"])
+            self.same(rows, mp.translucency.dipole(d, r, method=method), ["t"])
         leaf = dict(absorption_per_mm=[3.0, 0.1], mesophyll_thickness_mm=[0.2, 0.3])
         leaf |= dict(n_cuticle=[1.5, 1.6], n_mesophyll=[1.4, 1.41], n_antidermal=[1.35, 1.42])
         text = table(incidence_deg=[8, 30], side=["adaxial"] * 2, **leaf)
         for words in (["--method", "exact"], ["--rays", "2000", "--seed", "7"]):
             way = {w.removeprefix("--"): v if w == "--method" else int(v) for w, v in zip(words[::2], words[1::2])}
-            found = mp.abm(*leaf.values(), [8, 30], **way)
+            found = mp.foliar.evaluate(*leaf.values(), [8, 30], **way)
             self.same(command("eval", "abm", *words, text=text), found, [n for n in found if n != "status"])
 
     def test_leaf(self):
@@ -140,7 +141,7 @@ class Same(unittest.TestCase):
             told, made = mp.fits.read(out), mp.leaf.fit(scan, f"{folder}/again")
             # As text: what is not known is NaN, which equals nothing.
             self.assertEqual(repr(told.record), repr(made.record))
-            self.assertIn("sigma_a", told.params.front)
+            self.assertEqual((told.front.sigma_a.shape, told.params["front.sigma_a"].unit), ((3,), "1/mm"))
             # The same scan as arrays, front only.
             arrays = self.arrays(Path(scan))
             found = mp.leaf.fit(arrays, f"{folder}/arrays")
@@ -200,14 +201,14 @@ class Says(unittest.TestCase):
         self.raises(ValueError, quick, mp.slab.invert, 0.1, 0.1, 0.1, method="quick")
         self.raises(ValueError, ["noise"], mp.slab.invert, 0.1, 0.1, 0.1, -1)
         self.raises(ValueError, ["sigma_a is -1", "element (1,)"], mp.slab.forward, [1, -1], 1, 1)
-        self.raises(ValueError, ["alpha is 2"], mp.beam, 2.0, 0.5)
+        self.raises(ValueError, ["alpha is 2"], mp.branch.evaluate, 2.0, 0.5)
         self.raises(ValueError, ["sun"], mp.sky.coefficients, 3.0, 3.0)
         for bands in (0, 100_000):
             self.raises(ValueError, [f"bands is {bands}"], mp.sky.coefficients, 1.0, 3.0, bands)
         self.raises(ValueError, ["(4, 2)"], mp.sky.evaluate, np.zeros((4, 2)), [0, 0, 1])
         self.raises(ValueError, ["(2, 5)", "16"], mp.gloss.fit, np.zeros((2, 5)), TABLES / "device.toml")
         self.raises(ValueError, ["<device>", "height_mm"], mp.gloss.fit, np.zeros(5), {"height": 3})
-        self.raises(ValueError, ["sigma_a"], mp.dipole, 0.1, 0.1, -3)
+        self.raises(ValueError, ["sigma_a"], mp.translucency.dipole, 0.1, 0.1, -3)
         self.raises(OSError, ["nowhere"], mp.leaf.fit, "nowhere", "nowhere-fit")
         self.raises(OSError, ["nowhere"], mp.fits.read, "nowhere")
         self.raises(OSError, ["nowhere.exr"], mp.fits.read_exr, "nowhere.exr")
@@ -269,13 +270,15 @@ class Says(unittest.TestCase):
         np.testing.assert_array_equal(R, mp.slab.forward(wide[::2].astype(float).copy(), 1.0, 1.0)[0])
 
     def test_help(self):
-        for module in (mp.slab, mp.gloss, mp.leaf, mp.sky, mp.fits):
-            for name in module.__all__:
-                words = getattr(module, name).__doc__
-                self.assertTrue(words and len(words) > 60, f"{module.__name__}.{name}")
-        for function in (mp.beam, mp.dipole, mp.abm, mp.slab.forward, mp.slab.invert, mp.gloss.fit, mp.leaf.fit):
-            for part in ("Parameters", "Returns", "array_like" if function is not mp.leaf.fit else "path"):
-                self.assertIn(part, function.__doc__, function.__name__)
+        modules = [m for m in (getattr(mp, name) for name in mp.__all__) if inspect.ismodule(m)]
+        self.assertEqual(len(modules), 11)
+        for function in [getattr(m, name) for m in modules for name in m.__all__] + [mp.command]:
+            words = function.__doc__
+            self.assertTrue(words and len(words) > 60, function)
+            if inspect.isfunction(function) and inspect.signature(function).parameters:
+                for name, parameter in inspect.signature(function).parameters.items():
+                    self.assertIn(name, words, function.__name__)
+                    self.assertNotEqual(parameter.annotation, inspect.Parameter.empty, function.__name__)
 
     def test_xarray(self):
         try:
@@ -309,7 +312,7 @@ class Stops(unittest.TestCase):
 
     def test_calls(self):
         def rays(count, rows=1):
-            return mp.abm(np.full(rows, 3.0), 0.2, 1.5, 1.4, 1.35, rays=count)
+            return mp.foliar.evaluate(np.full(rows, 3.0), 0.2, 1.5, 1.4, 1.35, rays=count)
 
         expected = rays(300_000, 8)
         elsewhere = []
@@ -335,7 +338,7 @@ class Stops(unittest.TestCase):
             time.sleep(1)
             self.assertEqual(sorted(Path(folder).rglob("*")), before)
             self.assertFalse((Path(out) / "fit.toml").exists())
-            self.assertIn("sigma_a", mp.leaf.fit(scan, out, hold_out=0).params.front)
+            self.assertIn("sigma_a", mp.leaf.fit(scan, out, hold_out=0).front.params)
 
 
 if __name__ == "__main__":

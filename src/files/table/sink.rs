@@ -3,6 +3,7 @@
 use super::json::JsonRows;
 use crate::atomic::{self, PendingFile};
 use crate::claim;
+use crate::standard_output::StandardOutput;
 use crate::{Error, Result};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -32,7 +33,7 @@ pub struct TableSink {
 
 enum Place {
     File(PendingFile),
-    Stdout(io::BufWriter<io::Stdout>),
+    Stdout(io::BufWriter<StandardOutput>),
 }
 
 impl Write for Place {
@@ -59,7 +60,7 @@ impl TableSink {
     pub fn open(output: &TableOutput, input: &Path) -> Result<TableSink> {
         claim::file(&output.path, &["csv", "json"], &[input])?;
         let place = if output.path == Path::new("-") {
-            Place::Stdout(io::BufWriter::with_capacity(1 << 16, io::stdout()))
+            Place::Stdout(io::BufWriter::with_capacity(1 << 16, StandardOutput))
         } else {
             Place::File(PendingFile::create(&output.path)?)
         };

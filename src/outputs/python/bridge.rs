@@ -2,9 +2,7 @@
 
 use mesophyll_base::error::{Error, Result, Status};
 use pyo3::buffer::PyBuffer;
-use pyo3::exceptions::{
-    PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyPermissionError, PyRuntimeError, PyValueError,
-};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::any::Any;
@@ -52,29 +50,58 @@ impl CallInterrupt {
     }
 }
 
-/// The Python exception for one of our errors.
+/// An exception of the class of this name in `mesophyll/_errors.py`, which all are of one type.
+fn exception(class: &str, sentence: String, parts: &[(&str, Option<String>)]) -> PyErr {
+    let made = Python::attach(|py| {
+        let made = py.import("mesophyll._errors")?.getattr(class)?.call1((sentence,))?;
+        for (name, value) in parts {
+            made.setattr(*name, value.as_deref())?;
+        }
+        PyResult::Ok(PyErr::from_value(made))
+    });
+    made.unwrap_or_else(|e| e)
+}
+
+/// The exception for an argument that cannot be used.
+pub fn refuse(sentence: impl Into<String>) -> PyErr {
+    exception("InputError", sentence.into(), &[])
+}
+
+/// The exception for one of our errors.
 pub fn raise(error: Error) -> PyErr {
     let sentence = error.to_string();
     match error {
-        Error::Write { .. } | Error::BrokenPipe => PyOSError::new_err(sentence),
+        Error::Write { .. } | Error::BrokenPipe => exception("FileError", sentence, &[]),
         Error::Interrupted(_) => PyKeyboardInterrupt::new_err(sentence),
-        Error::Missed(_) => PyRuntimeError::new_err(sentence),
-        // What stands for a file that there is not, such as a device given as a dictionary, is in angle brackets.
-        Error::Input { ref file, .. } if !file.starts_with('<') => match File::open(file).map_err(|e| e.kind()) {
-            Ok(_) => PyValueError::new_err(sentence),
-            Err(ErrorKind::NotFound) => PyFileNotFoundError::new_err(sentence),
-            Err(ErrorKind::PermissionDenied) => PyPermissionError::new_err(sentence),
-            Err(_) => PyOSError::new_err(sentence),
-        },
-        Error::Usage(_) | Error::Argument { .. } => PyValueError::new_err(as_arguments(&sentence)),
-        _ => PyValueError::new_err(sentence),
+        Error::Missed(_) => exception("FitError", sentence, &[]),
+        Error::Input { file, line, field, .. } => {
+            // What stands for a file that there is not, such as a device given as a dictionary, is in angle brackets.
+            let class = match File::open(&file).map_err(|e| e.kind()) {
+                _ if file.starts_with('<') => "InputError",
+                Ok(_) => "InputError",
+                Err(ErrorKind::NotFound) => "MissingFileError",
+                Err(ErrorKind::PermissionDenied) => "ForbiddenFileError",
+                Err(_) => "FileError",
+            };
+            let line = line.map(|line| line.to_string());
+            exception(class, sentence, &[("file", Some(file)), ("line", line), ("field", field)])
+        }
+        Error::Argument { ref name, .. } => {
+            let field = as_arguments(name);
+            exception("InputError", as_arguments(&sentence), &[("field", Some(field))])
+        }
+        Error::Usage(_) => refuse(as_arguments(&sentence)),
+        _ => refuse(sentence),
     }
 }
 
 /// A sentence that names options of the command line (`--ground is 2`), with the names that they have as arguments of a
 /// Python function (`ground is 2`).
 pub fn as_arguments(sentence: &str) -> String {
-    let word = |word: &str| word.strip_prefix("--").map_or(word.to_string(), |name| name.replace('-', "_"));
+    let word = |word: &str| {
+        let (before, rest) = word.split_at(word.find(|c: char| !matches!(c, '\'' | '`' | '(')).unwrap_or(0));
+        rest.strip_prefix("--").map_or(word.to_string(), |name| format!("{before}{}", name.replace('-', "_")))
+    };
     sentence.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
@@ -85,7 +112,7 @@ where
 {
     name.parse().map_err(|_| {
         let names: Vec<&'static str> = T::iter().map(Into::into).collect();
-        PyValueError::new_err(format!("{argument}: found {name:?}, expected one of {}", names.join(", ")))
+        refuse(format!("{argument}: found {name:?}, expected one of {}", names.join(", ")))
     })
 }
 
@@ -141,14 +168,14 @@ pub fn run<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> 
 /// (rows, cells of a row).
 ///
 /// # Errors
-/// `ValueError` where `out` has another size; what Ctrl-C raises, and then `out` is left as it was.
+/// `InputError` where `out` has another size; what Ctrl-C raises, and then `out` is left as it was.
 pub fn fill<F>(py: Python<'_>, rows: usize, cost: RowCost, out: &NumberBuffer, f: F) -> PyResult<RowTroubles>
 where
     F: Fn(usize, &mut [f64], &CallInterrupt) -> Status + Sync + Send,
 {
     let cells = out.item_count().checked_div(rows).unwrap_or(0);
     if out.item_count() != rows * cells {
-        return Err(PyValueError::new_err(format!(
+        return Err(refuse(format!(
             "the output has {} numbers; expected {cells} for each of {rows} rows",
             out.item_count()
         )));
@@ -198,13 +225,13 @@ where
 /// The numbers of arrays that must be of one length.
 ///
 /// # Errors
-/// `ValueError` where they are not.
+/// `InputError` where they are not.
 pub fn columns<const N: usize>(py: Python<'_>, arrays: [&NumberBuffer; N]) -> PyResult<([Vec<f64>; N], usize)> {
     let rows = arrays.first().map_or(0, |a| a.item_count());
     let mut read: [Vec<f64>; N] = [const { Vec::new() }; N];
     for (to, from) in read.iter_mut().zip(arrays) {
         if from.item_count() != rows {
-            return Err(PyValueError::new_err(format!("arrays of {rows} and of {} numbers", from.item_count())));
+            return Err(refuse(format!("arrays of {rows} and of {} numbers", from.item_count())));
         }
         *to = from.to_vec(py)?;
     }

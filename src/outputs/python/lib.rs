@@ -3,15 +3,16 @@
 //!
 //! Users call the package. It brings arrays into shape and says in its docstrings what they hold; here they arrive as
 //! buffers of `f64`, are computed on all cores without Python's lock, and leave through buffers that the package made.
-//! Rows are computed by the very functions that the command line's verbs call, so that both give the same digits.
+//! Rows are computed by the very functions that the command line's verbs call, so that both give the same digits. What
+//! reads or writes files is the verb itself ([`command::command`]).
 //!
-//! Nothing here panics into Python ([`bridge::run`]), and errors are the sentences of the command line: `ValueError`
-//! for what the user gave, `OSError` for files.
+//! Nothing here panics into Python ([`bridge::run`]), and errors are the sentences of the command line.
 
 #![warn(missing_docs)]
 
 mod bridge;
-mod leaf;
+mod command;
+mod folder;
 mod models;
 mod sky;
 mod slab;
@@ -32,10 +33,11 @@ fn native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(surface::gloss_frames, m)?)?;
     m.add_function(wrap_pyfunction!(surface::gloss_fit, m)?)?;
     m.add_function(wrap_pyfunction!(surface::gloss_fit_samples, m)?)?;
-    m.add_function(wrap_pyfunction!(leaf::leaf_fit, m)?)?;
-    m.add_function(wrap_pyfunction!(leaf::verify, m)?)?;
-    m.add_function(wrap_pyfunction!(leaf::read_exr, m)?)?;
-    m.add_function(wrap_pyfunction!(leaf::write_exr, m)?)?;
+    m.add_function(wrap_pyfunction!(command::command, m)?)?;
+    m.add_function(wrap_pyfunction!(folder::verify, m)?)?;
+    m.add_function(wrap_pyfunction!(folder::quality, m)?)?;
+    m.add_function(wrap_pyfunction!(folder::read_exr, m)?)?;
+    m.add_function(wrap_pyfunction!(folder::write_exr, m)?)?;
     m.add_function(wrap_pyfunction!(sky::sky_coefficients, m)?)?;
     m.add_function(wrap_pyfunction!(sky::sky_evaluate, m)?)?;
     m.add_function(wrap_pyfunction!(models::beam, m)?)?;

@@ -1,12 +1,13 @@
-//! Models of one function: `mesophyll.beam`, `mesophyll.dipole`, `mesophyll.abm`.
+//! Models on arrays: `mesophyll.branch`, `mesophyll.translucency`, `mesophyll.foliar`.
 
-use crate::bridge::{CallInterrupt, NumberBuffer, RowCost, RowTroubles, answered, as_arguments, columns, fill, named};
+use crate::bridge::{
+    CallInterrupt, NumberBuffer, RowCost, RowTroubles, answered, as_arguments, columns, fill, named, refuse,
+};
 use mesophyll_base::error::Status;
 use mesophyll_optics::dipole::{DipoleForm, FormKind, Tissue, verdict};
 use mesophyll_optics::foliar::shares::{FoliarMethod, shares};
 use mesophyll_optics::foliar::{LayeredLeaf, MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// Deflection and slope (2 cells a row) from taper and place, as `eval beam`.
@@ -32,10 +33,10 @@ pub fn dipole(
     let [sigma_a, sigma_s, g, a] = tissue;
     let tissue = Tissue { sigma_a, sigma_s, g, a };
     if let Some(fault) = tissue.fault() {
-        return Err(PyValueError::new_err(fault));
+        return Err(refuse(fault));
     }
     if dipoles > verdict::MOST_DIPOLES {
-        return Err(PyValueError::new_err(format!("dipoles is {dipoles}; expected 0 to {}", verdict::MOST_DIPOLES)));
+        return Err(refuse(format!("dipoles is {dipoles}; expected 0 to {}", verdict::MOST_DIPOLES)));
     }
     let form = DipoleForm::of(named::<FormKind>("method", method)?, dipoles);
     let ([thickness, radius], rows) = columns(py, [&thickness, &radius])?;
@@ -60,10 +61,9 @@ pub fn abm(
     seed: u64,
     out: NumberBuffer,
 ) -> PyResult<RowTroubles> {
-    let side = Side::of_botanical(side)
-        .ok_or_else(|| PyValueError::new_err(format!("side is {side:?}; expected adaxial or abaxial")))?;
-    let path: MesophyllPath =
-        path.parse().map_err(|_| PyValueError::new_err(format!("path is {path:?}; expected slant or sieve")))?;
+    let side =
+        Side::of_botanical(side).ok_or_else(|| refuse(format!("side is {side:?}; expected adaxial or abaxial")))?;
+    let path: MesophyllPath = path.parse().map_err(|_| refuse(format!("path is {path:?}; expected slant or sieve")))?;
     // No rays: the exact method.
     let method = if rays == 0 { FoliarMethod::Exact } else { FoliarMethod::MonteCarlo { rays, seed } };
     let leaves = leaves.to_vec(py)?;

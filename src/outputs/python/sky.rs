@@ -1,6 +1,6 @@
 //! Skies: `mesophyll.sky`.
 
-use crate::bridge::{NumberBuffer, RowCost, RowTroubles, columns, fill, named, run};
+use crate::bridge::{NumberBuffer, RowCost, RowTroubles, columns, fill, named, refuse, run};
 use mesophyll_base::error::Status;
 use mesophyll_fits::sky::evaluator::{SkyFitEvaluator, SkyFitSource};
 use mesophyll_fits::sky::window::WindowKind;
@@ -8,7 +8,6 @@ use mesophyll_sky::HarmonicCoefficients;
 use mesophyll_sky::SkyModel;
 use mesophyll_sky::harmonics::{HarmonicBasis, MOST_BANDS};
 use mesophyll_sky::irradiance::convolved;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -62,7 +61,7 @@ fn check_bands(bands: usize) -> PyResult<()> {
     if (1..=MOST_BANDS).contains(&bands) {
         return Ok(());
     }
-    Err(PyValueError::new_err(format!("bands is {bands}; expected 1 to {MOST_BANDS}")))
+    Err(refuse(format!("bands is {bands}; expected 1 to {MOST_BANDS}")))
 }
 
 /// The coefficients of one sky from 3 N² numbers.
@@ -71,7 +70,7 @@ fn read(py: Python<'_>, coefficients: &NumberBuffer, bands: usize) -> PyResult<H
     let values = coefficients.to_vec(py)?;
     let mut sky = HarmonicCoefficients::zero(bands);
     if values.len() != 3 * bands * bands {
-        return Err(PyValueError::new_err(format!("{} coefficients; expected 3 N²", values.len())));
+        return Err(refuse(format!("{} coefficients; expected 3 N²", values.len())));
     }
     sky.values_mut().as_flattened_mut().copy_from_slice(&values);
     Ok(sky)

@@ -1,13 +1,12 @@
 //! Gloss: `mesophyll.gloss`.
 
-use crate::bridge::{NumberBuffer, RowCost, RowTroubles, answered, fill, named, raise, run};
+use crate::bridge::{NumberBuffer, RowCost, RowTroubles, answered, fill, named, raise, refuse, run};
 use mesophyll_base::error::Status;
 use mesophyll_files::table::OutputRow;
 use mesophyll_fits::gloss::geometry::GlossGeometry;
 use mesophyll_fits::gloss::{GlossFitWorkspace, GlossTexelFit, GlossTexelFitter, RobustWeighting, samples};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::TubePrecision;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::cell::RefCell;
 use std::path::Path;
@@ -16,7 +15,7 @@ use std::path::Path;
 pub fn lobe(name: &str, index: f64) -> PyResult<Lobe> {
     let kind: LobeKind = named("lobe", name)?;
     if kind.has_index() && !(index > 1.0 && index < 4.0) {
-        return Err(PyValueError::new_err(format!("index: found {index}, expected more than 1 and less than 4")));
+        return Err(refuse(format!("index: found {index}, expected more than 1 and less than 4")));
     }
     Ok(Lobe::of(kind, index))
 }
@@ -44,7 +43,7 @@ pub fn gloss_fit(
     let geometry = GlossGeometry::from_text(&device.0, Path::new(&device.1)).map_err(raise)?;
     let (robust, lobe): (RobustWeighting, Lobe) = (named("robust", robust)?, lobe(&lobe_of.0, lobe_of.1)?);
     if !(2..=256).contains(&quadrature) {
-        return Err(PyValueError::new_err(format!("quadrature is {quadrature}; expected 2 to 256")));
+        return Err(refuse(format!("quadrature is {quadrature}; expected 2 to 256")));
     }
     let frames = geometry.frames_u().len();
     let traces = traces.to_vec(py)?;

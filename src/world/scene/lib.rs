@@ -20,7 +20,7 @@ pub mod transfer;
 pub mod verdict;
 #[cfg(feature = "render")]
 pub mod web;
-#[cfg(feature = "render")]
+#[cfg(feature = "window")]
 pub mod window;
 pub mod world;
 

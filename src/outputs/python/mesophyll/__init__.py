@@ -1,36 +1,56 @@
-"""Measurements of leaves and skies in, fitted parameters out, on NumPy arrays.
+"""Measurements of leaves, branches, skies and scenes in, fitted parameters out, on NumPy arrays.
 
 Modules
 -------
-slab    what a leaf reflects and lets through from absorption and scattering, and back (``forward``, ``invert``)
-gloss   how a surface reflects light: fits of linear-light-source traces and of goniometer samples
-leaf    fits of whole scans, from a capture on disk or from arrays
-sky     spherical harmonics of a clear sky (``coefficients``, ``evaluate``, ``irradiance``)
-fits    reads the folder of any fit: parameters as dictionaries, maps as arrays
+slab          what a leaf reflects and lets through from absorption and scattering, and back
+foliar        a leaf of layers or plates: what it reflects, and its pigments
+gloss         how a surface reflects light: linear-light-source traces and goniometer samples
+leaf          fits of whole scans, from a capture on disk or from arrays
+translucency  light through a leaf by direction, and the tissue that explains it
+branch        branches that bend and sway
+sky           a clear sky as spherical harmonics, and the sky of a picture
+scene         scenes: drawn, checked, evaluated as canopies, and found from their pictures
+grass         meadows as slices
+spectra       spectra as the bands of sRGB or CIE 1931
+fits          reads the folder of any fit: parameters with errors, maps as arrays
 
-Functions
----------
-beam    deflection and slope of a tapered branch
-dipole  how light that enters a leaf at one point leaves on the far side
-abm     reflectance and transmittance of a leaf of layers
+:func:`command` does any other verb of the command line. Lengths are in mm, absorption and scattering in 1/mm, angles in
+radians unless a name ends in ``_deg``. Arguments that are arrays broadcast against each other as NumPy's do. A table is
+a dictionary of columns, a data frame, or the path of a file. Everything is computed on all cores, without Python's
+lock; the environment variable ``RAYON_NUM_THREADS``, set before the first import, limits the number of threads. The
+numbers are those of the command line ``mesophyll``, digit by digit.
 
-Lengths are in mm, absorption and scattering in 1/mm, angles in radians unless a name ends in ``_deg``. Arguments
-broadcast against each other as NumPy's do. Everything is computed on all cores, without Python's lock; the environment
-variable ``RAYON_NUM_THREADS``, set before the first import, limits the number of threads. The numbers are those of the
-command line ``mesophyll``, digit by digit.
+Every function answers a :class:`Result`, or plain arrays where nothing but numbers can come out: entries by name, as in
+a dictionary, which are attributes too. ``result.params`` has each parameter with its standard error, unit and, where
+the measurement leaves it open, the reason; ``result.status`` says how it ended, ``result.ok`` whether it is good, and
+``result.to_dict()`` is all of it as plain Python.
 
-A result is a :class:`Result`: a dictionary of arrays whose entries are attributes too. Its ``status`` says of every
-element ``"ok"`` (nothing speaks against the model, and each error is below 10 %), ``"undetermined: ..."`` (the best
-estimate, and what it leaves open) or ``"refused: ..."`` (no numbers, and why); ``result.ok`` is the mask of the good
-ones.
-
-Errors are ``ValueError`` for arguments and for files that do not say what they should, ``OSError`` for files that
-are not there, may not be opened or cannot be written, ``RuntimeError`` for a fit that as a whole failed.
+Errors are of one type, :class:`Error`, in the sentences of the command line. Each is besides what Python calls it:
+``ValueError`` for arguments and for files that do not say what they should, ``OSError`` for files that are not there,
+may not be opened or cannot be written, ``RuntimeError`` for a fit that as a whole failed.
 """
 
-from . import fits, gloss, leaf, sky, slab
-from ._models import abm, beam, dipole
+from . import branch, fits, foliar, gloss, grass, leaf, scene, sky, slab, spectra, translucency
+from ._command import command
+from ._errors import Error
 from ._native import __version__
-from ._result import Result
+from ._result import Parameter, Result
 
-__all__ = ["Result", "__version__", "abm", "beam", "dipole", "fits", "gloss", "leaf", "sky", "slab"]
+__all__ = [
+    "Error",
+    "Parameter",
+    "Result",
+    "__version__",
+    "branch",
+    "command",
+    "fits",
+    "foliar",
+    "gloss",
+    "grass",
+    "leaf",
+    "scene",
+    "sky",
+    "slab",
+    "spectra",
+    "translucency",
+]

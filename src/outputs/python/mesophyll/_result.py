@@ -2,32 +2,214 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _native
+from ._errors import InputError
+
 Floats = NDArray[np.float64]
+Maps = dict[str, NDArray[np.float32]]
+
+# Units by how names end, as in tables and files; longer ends first.
+UNITS = {
+    "_mm_per_sqrt_hz": "mm/sqrt(Hz)",
+    "_mm_per_m_s": "mm per m/s",
+    "_ug_cm2": "ug/cm^2",
+    "_cm2_g": "cm^2/g",
+    "_per_cm": "1/cm",
+    "_g_cm2": "g/cm^2",
+    "_s_per_m": "s/m",
+    "_per_mm": "1/mm",
+    "_per_s": "1/s",
+    "_deg": "degrees",
+    "_gpa": "GPa",
+    "_nm": "nm",
+    "_um": "um",
+    "_mm": "mm",
+    "_hz": "Hz",
+    "_n": "N",
+    "_s": "s",
+    "sigma_a": "1/mm",
+    "sigma_s": "1/mm",
+    "tilt": "rad",
+    "tilt_y": "rad",
+}
+# What has no unit although its name ends like one.
+PURE = {"rho_s", "xi_s"}
 
 
-class Result(dict[str, Any]):
-    """A dictionary whose entries are attributes too: ``result["sigma_a"]`` is ``result.sigma_a``."""
+def unit_of(name: str) -> str:
+    """The unit of a column, by its name; empty for pure numbers."""
+    if name in PURE or re.fullmatch(r"rho_s_.*", name):
+        return ""
+    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A fitted number, or an array of them.
+
+    Attributes
+    ----------
+    name : str
+        Its name, as the result has it.
+    value : float or ndarray
+        The estimate; NaN where there is none.
+    stderr : float or ndarray
+        Its standard error: NaN where it is not known, infinite where nothing limits the value.
+    unit : str
+        Unit of both; empty for pure numbers.
+    undetermined : str or ndarray of str
+        Why the measurement does not determine it; empty where it does.
+    """
+
+    name: str
+    value: Any
+    stderr: Any
+    unit: str
+    undetermined: Any
+
+    @property
+    def determined(self) -> Any:
+        """Whether the measurement determines it: a bool, or an array of them."""
+        found = np.asarray(self.undetermined) == ""
+        return found if found.ndim else bool(found)
+
+    def __repr__(self) -> str:
+        text = f"{self.name} = {self.value} ± {self.stderr} {self.unit}".rstrip()
+        return text if np.ndim(self.undetermined) or not self.undetermined else f"{text} ({self.undetermined})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain numbers, lists and strings; a number that is not known is None."""
+        told = {"value": self.value, "stderr": self.stderr, "unit": self.unit, "undetermined": self.undetermined}
+        return {name: plain(value) for name, value in told.items()}
+
+
+class Result(MutableMapping[str, Any]):
+    """What every function answers: entries by name, as in a dictionary, which are attributes too.
+
+    ``result["sigma_a"]`` is ``result.sigma_a``, its standard error ``result.sigma_a_err``, and
+    ``result.params["sigma_a"]`` has both with unit and, where it is not determined, the reason.
+
+    ``result.status`` says how it ended: ``"ok"``, ``"undetermined: ..."`` (the best estimate, and what it leaves open)
+    or ``"refused: ..."`` (no numbers, and why). A fit that lies in a folder is ``"ok"``, ``"doubtful: ..."`` or
+    ``"missed: ..."`` (it must not be used as it is), as ``mesophyll report`` judges it.
+
+    Attributes
+    ----------
+    notes : list of str
+        What the command line says of it besides.
+    record : dict or list
+        Everything that was written or printed of it: ``fit.toml``, ``check.json``, and so on. Empty for tables.
+    folder : pathlib.Path or None
+        Where its files lie.
+    parts : dict of Result
+        Parts of a fit: the sides of a leaf, the branches of a table. A part is an attribute, too: ``fit.front``.
+    """
+
+    def __init__(
+        self,
+        entries: Mapping[str, Any] | Iterable[tuple[str, Any]] = (),
+        *,
+        given: Iterable[str] = (),
+        notes: Sequence[str] = (),
+        record: Any = None,
+        folder: Path | None = None,
+        open_params: Mapping[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
+        parts: Mapping[str, Result] | None = None,
+    ):
+        self._entries: dict[str, Any] = dict(entries)
+        self.notes = list(notes)
+        self.record = {} if record is None else record
+        self.folder = folder
+        self.parts = dict(parts or {})
+        self._given, self._open, self._units = set(given), open_params, dict(units or {})
+
+    def __getitem__(self, name: str) -> Any:
+        return self._entries[name]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self._entries[name] = value
+
+    def __delitem__(self, name: str) -> None:
+        del self._entries[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
 
     def __getattr__(self, name: str) -> Any:
-        try:
-            return self[name]
-        except KeyError:
-            raise AttributeError(f"no {name!r} here; there are {', '.join(self)}") from None
+        if name.startswith("_"):
+            raise AttributeError(name)
+        for place in (self._entries, self.parts):
+            if name in place:
+                return place[name]
+        raise AttributeError(f"no {name!r} here; there are {', '.join([*self, *self.parts])}")
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self]
+        return [*super().__dir__(), *self, *self.parts]
+
+    def __repr__(self) -> str:
+        where = f" in {self.folder}" if self.folder else ""
+        return f"<Result{where}: {', '.join(self)}>"
 
     @property
     def ok(self) -> Any:
         """Where the status is ``"ok"``: an array of bool of the result's shape, or one bool."""
         found = np.asarray(self["status"]) == "ok"
         return found if found.ndim else bool(found)
+
+    @property
+    def params(self) -> dict[str, Parameter]:
+        """Its parameters by name: what has a standard error, or all numbers where nothing has one."""
+        return {name: self._param(name) for name in self._names()}
+
+    def _names(self) -> list[str]:
+        numbers = [n for n, v in self.items() if n not in self._given and np.asarray(v).dtype.kind in "fiu"]
+        return [name for name in numbers if f"{name}_err" in self] or numbers
+
+    def _param(self, name: str) -> Parameter:
+        value = self[name]
+        error = self.get(f"{name}_err", np.full(np.shape(value), np.nan) if np.ndim(value) else np.nan)
+        return Parameter(name, value, error, self._units.get(name, unit_of(name)), self._reason(name, value))
+
+    def _reason(self, name: str, value: Any) -> Any:
+        if self._open is not None:
+            return "; ".join(why for key, why in self._open.items() if key == name or key.startswith(f"{name}."))
+        status = self.get("status", "ok")
+        if isinstance(status, str):
+            return reason(status, name, self._names())
+        names = self._names()
+        found = np.array([reason(s, name, names) for s in np.asarray(status).reshape(-1)], dtype=object)
+        return found.reshape(np.shape(status))
+
+    @property
+    def undetermined(self) -> dict[str, Any]:
+        """What the measurement leaves open, by name, and why: a sentence, or an array of them (empty where nothing)."""
+        if self._open is not None:
+            return dict(self._open)
+        reasons = {name: param.undetermined for name, param in self.params.items()}
+        return {name: why for name, why in reasons.items() if np.any(np.asarray(why) != "")}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain numbers, lists and strings; a number that is not known is None."""
+        told: dict[str, Any] = {"status": plain(self.get("status", "ok"))}
+        told["params"] = {name: param.to_dict() for name, param in self.params.items()}
+        known = set(self.params) | {f"{name}_err" for name in self.params} | {"status"}
+        told["values"] = {name: plain(value) for name, value in self.items() if name not in known}
+        told |= {"undetermined": {name: plain(why) for name, why in self.undetermined.items()}, "notes": self.notes}
+        return told | {"folder": None if self.folder is None else str(self.folder)}
 
     def to_xarray(self, dims: Sequence[str] | None = None) -> Any:
         """The arrays as an ``xarray.Dataset``; ``dims`` names the axes. Needs the package xarray."""
@@ -38,23 +220,93 @@ class Result(dict[str, Any]):
             dims = [f"dim_{k}" for k in range(max(a.ndim for a in arrays.values()))]
         return xarray.Dataset({name: (list(dims)[: a.ndim], a) for name, a in arrays.items()})
 
+    def maps(self, name: str = "front") -> Maps:
+        """A picture of the folder by the name of its channels, shape (height, width) each.
 
-def floats(value: ArrayLike, name: str) -> Floats:
+        Of a leaf's side: ``rho_d.R``, ``sigma_a.G``, ``thickness.Y``, ``mask.Y``, ...; of a scene's view: ``R``, ``G``,
+        ``B``, and ``error.R``, ... Row 0 is at the top.
+        """
+        if self.folder is None:
+            raise InputError("this result has no folder, so it has no maps")
+        return read_exr(self.folder / f"{name}.exr")
+
+    def errors(self, name: str = "front") -> Maps:
+        """Standard errors of the maps of a leaf's side under the same names."""
+        return self.maps(f"{name}_err")
+
+    def maps_to_xarray(self, name: str = "front") -> Any:
+        """The maps as an ``xarray.Dataset`` over ``y`` and ``x``. Needs the package xarray."""
+        import xarray
+
+        return xarray.Dataset({channel: (("y", "x"), values) for channel, values in self.maps(name).items()})
+
+
+def read_exr(path: str | PathLike[str]) -> Maps:
+    """The channels of an OpenEXR file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    dict of ndarray
+        Channels by name: single precision, shape (height, width), row 0 at the top.
+
+    Raises
+    ------
+    Error
+        Where there is no such file (also an ``OSError``) or where it is no OpenEXR image (a ``ValueError``).
+    """
+    width, height, channels = _native.read_exr(str(path))
+    return {name: np.frombuffer(samples, dtype=np.float32).reshape(height, width) for name, samples in channels}
+
+
+def reason(status: str, name: str, names: Iterable[str]) -> str:
+    """Why a status leaves the parameter ``name`` open, or nothing. ``names`` are those of all parameters.
+
+    What a status names stands before any explanation, which begins with a bracket or a colon. A status that names none
+    of the parameters speaks of all.
+    """
+    kind, _, what = status.partition(": ")
+    if kind == "ok":
+        return ""
+    words = re.split(r"[ ,;]", re.split(r"[(:]", what)[0]) if kind == "undetermined" else []
+
+    def meant(one: str) -> bool:
+        return any(word == one or word.startswith(f"{one}_") for word in words)
+
+    return "" if any(map(meant, names)) and not meant(name) else what
+
+
+def plain(value: Any) -> Any:
+    """Numbers, lists and strings of Python; NaN is None."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    return None if isinstance(value, float) and np.isnan(value) else value
+
+
+def floats(value: ArrayLike | None, name: str) -> Floats:
     """Double-precision numbers, contiguous; None is a missing number."""
     try:
         return np.ascontiguousarray(np.nan if value is None else value, dtype=np.float64)
     except (TypeError, ValueError) as e:
-        raise ValueError(f"{name}: expected numbers ({e})") from None
+        raise InputError(f"{name}: expected numbers ({e})") from None
 
 
-def broadcast(**arguments: ArrayLike) -> tuple[list[Floats], tuple[int, ...]]:
+def broadcast(**arguments: ArrayLike | None) -> tuple[list[Floats], tuple[int, ...]]:
     """The arguments as flat arrays of one length, and the shape that they have together."""
     arrays = [np.asarray(np.nan if a is None else a) for a in arguments.values()]
     try:
         shape = np.broadcast_shapes(*(a.shape for a in arrays))
     except ValueError:
         shapes = ", ".join(f"{name} {a.shape}" for name, a in zip(arguments, arrays, strict=True))
-        raise ValueError(f"shapes do not broadcast: {shapes}") from None
+        raise InputError(f"shapes do not broadcast: {shapes}") from None
     flat = [floats(np.broadcast_to(a, shape), name).reshape(-1) for name, a in zip(arguments, arrays, strict=True)]
     return flat, shape
 
@@ -84,8 +336,8 @@ def collect(
 
 
 def strict(troubles: Sequence[tuple[int, str]], shape: tuple[int, ...]) -> None:
-    """Raises ``ValueError`` for the first element that was refused."""
+    """Raises for the first element that was refused."""
     for k, status in troubles:
         if status.startswith("refused: "):
             where = f" (element {tuple(int(i) for i in np.unravel_index(k, shape))})" if shape else ""
-            raise ValueError(status.removeprefix("refused: ") + where)
+            raise InputError(status.removeprefix("refused: ") + where)

@@ -8,6 +8,8 @@ leans by ``tilt`` (radians) in the plane x-z. Lobes: ``beckmann`` (Wang et al. 2
 from __future__ import annotations
 
 import json
+import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
@@ -16,10 +18,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _native
+from . import _command, _native
+from ._command import Option
+from ._errors import Error, InputError, renamed
 from ._result import Floats, Result, broadcast, floats, shaped, statuses
 
-__all__ = ["fit", "fit_samples", "frames"]
+__all__ = ["evaluate", "fit", "fit_samples", "frames"]
 
 Device = Mapping[str, Any] | str | PathLike[str]
 Lobe = Literal["beckmann", "ggx", "cook-torrance", "ggx-fresnel"]
@@ -41,6 +45,63 @@ def _told(device: Device) -> tuple[str, str]:
 def frames(device: Device) -> Floats:
     """Positions u of the light in every frame: distance along its travel over the height, shape (frames,)."""
     return np.array(_native.gloss_frames(*_told(device)))
+
+
+def evaluate(
+    rho_d: ArrayLike,
+    rho_s: ArrayLike,
+    m: ArrayLike,
+    tilt: ArrayLike = 0.0,
+    tilt_y: ArrayLike = 0.0,
+    *,
+    device: Device,
+    lobe: Lobe = "beckmann",
+    index: float = 1.45,
+    quadrature: int = 16,
+    noise: float | None = None,
+    seed: int = 1,
+) -> Result:
+    """The trace that a texel shows to a tube that travels over it; what ``mesophyll eval gloss`` does.
+
+    Parameters
+    ----------
+    rho_d, rho_s : array_like, shape (n,) or ()
+        Diffuse and glossy reflectance, shares of the light.
+    m : array_like
+        Slope of the lobe.
+    tilt, tilt_y : array_like
+        How far the normal leans in the planes x-z and y-z, radians.
+    device, lobe, index
+        As in :func:`fit`.
+    quadrature : int
+        Gauss-Legendre nodes on half the tube, 2 to 256.
+    noise : float, optional
+        Relative standard deviation of noise to add, besides the device's ``noise_floor``.
+    seed : int
+        Seed of the noise.
+
+    Returns
+    -------
+    Result
+        ``traces`` of shape (n, frames) or (frames,), as :func:`fit` takes them, and ``status``.
+    """
+    rows = {"rho_d": rho_d, "rho_s": rho_s, "m": m, "tilt": tilt, "tilt_y": tilt_y}
+    if noise is not None:
+        # Rows with the same parameters would get the same noise.
+        columns, _ = broadcast(**rows)
+        rows["seed"] = np.arange(columns[0].size) if np.ndim(rho_d) or columns[0].size > 1 else 0
+    options: dict[str, Option] = {"lobe": lobe, "index": index, "quadrature": quadrature, "noise": noise, "seed": seed}
+    with tempfile.TemporaryDirectory(prefix="mesophyll-") as work:
+        text, name = _told(device)
+        place = Path(work) / "device.toml"
+        place.write_text(text, encoding="utf-8")
+        try:
+            found = _command.table(["eval", "gloss", f"--geometry={place}"], rows, options)
+        except Error as e:
+            raise renamed(e, {str(place): name}) from None
+    status = found["status"]
+    frames_of = [np.asarray(value) for key, value in found.items() if re.fullmatch(r"r\d+", key)]
+    return Result({"traces": np.stack(frames_of, axis=-1), "status": status}, notes=found.notes)
 
 
 def fit(
@@ -80,10 +141,8 @@ def fit(
 
     Raises
     ------
-    ValueError
-        For a shape or a device that makes no sense.
-    OSError
-        For a file that cannot be read.
+    Error
+        For a shape or a device that makes no sense, and for a file that cannot be read.
     """
     told = _told(device)
     count = len(_native.gloss_frames(*told))
@@ -93,7 +152,7 @@ def fit(
     elif read.ndim >= 1 and read.shape[-1] == count:
         channels, shape, rows = 1, read.shape[:-1], read
     else:
-        raise ValueError(
+        raise InputError(
             f"traces have shape {read.shape}; expected (..., {count}) or (..., {count}, 3) for this device"
         )
     names = 17 if channels == 3 else 9
@@ -141,11 +200,11 @@ def fit_samples(
     """
     read = floats(values, "values")
     if read.ndim not in (1, 2):
-        raise ValueError(f"values have shape {read.shape}; expected (n,) or (n, bands)")
+        raise InputError(f"values have shape {read.shape}; expected (n,) or (n, bands)")
     columns = read.reshape(read.shape[0], -1)
     named = [str(k) for k in range(columns.shape[1])] if names is None else [str(n) for n in names]
     if len(named) != columns.shape[1] or len(set(named)) != len(named):
-        raise ValueError(f"{len(named)} names for {columns.shape[1]} bands; expected one each, no two the same")
+        raise InputError(f"{len(named)} names for {columns.shape[1]} bands; expected one each, no two the same")
     angles, shape = broadcast(
         source_zenith_deg=source_zenith_deg,
         view_zenith_deg=view_zenith_deg,
@@ -153,7 +212,7 @@ def fit_samples(
         values=columns[:, 0] if columns.shape[1] else [],
     )
     if shape != (read.shape[0],):
-        raise ValueError(f"the directions have shape {shape}; expected ({read.shape[0]},) as the values")
+        raise InputError(f"the directions have shape {shape}; expected ({read.shape[0]},) as the values")
     rows = np.ascontiguousarray(np.column_stack([*angles[:3], columns]))
     cells, found, status = _native.gloss_fit_samples(rows, named, (lobe, index))
     values_of = dict(zip(cells, found or [np.nan] * len(cells), strict=True))

@@ -13,19 +13,21 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _native
-from ._result import floats
-from .fits import Fit, read
+from . import _command, _native
+from ._command import Option, Place
+from ._errors import FileError, InputError
+from ._result import Result, floats
+from .fits import made
 from .gloss import Lobe
 
-__all__ = ["Capture", "fit", "read"]
+__all__ = ["Capture", "fit", "inspect", "synth"]
 
 
 def _finite(name: str, value: Any) -> float:
     """One number that is neither NaN nor infinite."""
     number = floats(value, name)
     if number.size != 1 or not np.isfinite(number).all():
-        raise ValueError(f"{name} is {value}; expected a finite number")
+        raise InputError(f"{name} is {value}; expected a finite number")
     return float(number.item())
 
 
@@ -91,13 +93,12 @@ class Capture:
     def write(self, folder: str | PathLike[str]) -> Path:
         """Writes the capture's folder: ``capture.toml`` and single-precision OpenEXR images.
 
-        Raises ``ValueError`` for arrays that do not fit together and ``FileExistsError`` where the folder is there
-        already.
+        Raises ``Error`` for arrays that do not fit together, and where the folder is there already.
         """
         folder = Path(folder)
         first = floats(self.frames_x, "frames_x")
         if first.ndim != 4 or first.shape[-1] != 3:
-            raise ValueError(f"frames_x has shape {first.shape}; expected (frames, height, width, 3)")
+            raise InputError(f"frames_x has shape {first.shape}; expected (frames, height, width, 3)")
         size = first.shape[1:3]
         passes: dict[str, tuple[ArrayLike, ArrayLike | None, ArrayLike | None]] = {
             "x": (first, self.positions_x, self.white_x)
@@ -125,7 +126,7 @@ class Capture:
             places = floats(positions, f"positions_{name}").reshape(-1)
             where = [_finite(f"positions_{name}[{k}]", place) for k, place in enumerate(places)]
             if read.ndim != 4 or read.shape[1:] != (*size, 3) or len(where) != read.shape[0]:
-                raise ValueError(
+                raise InputError(
                     f"frames_{name} has shape {read.shape} and positions_{name} {len(where)} numbers; expected "
                     f"({len(where)}, {size[0]}, {size[1]}, 3)"
                 )
@@ -134,7 +135,7 @@ class Capture:
             if white is not None:
                 sheets = floats(white, f"white_{name}")
                 if sheets.ndim != 4 or sheets.shape[0] != len(where) or sheets.shape[-1] != 3:
-                    raise ValueError(
+                    raise InputError(
                         f"white_{name} has shape {sheets.shape}; expected ({len(where)}, height, width, 3)"
                     )
                 images += [(f"white/{name}/{k:04}.exr", sheet) for k, sheet in enumerate(sheets)]
@@ -150,9 +151,12 @@ class Capture:
             read = floats(image, name)
             expected = size if name == "mask" else (*size, 3)
             if read.shape != expected:
-                raise ValueError(f"{name} has shape {read.shape}; expected {expected}")
+                raise InputError(f"{name} has shape {read.shape}; expected {expected}")
             images.append((file, read))
-        folder.mkdir(parents=True)
+        try:
+            folder.mkdir(parents=True)
+        except OSError as e:
+            raise FileError(f"cannot write {folder}: {e.strerror}") from None
         for file, image in images:
             path = folder / file
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -178,9 +182,9 @@ def fit(
     hold_out_seed: int = 1,
     gloss: Sequence[float] | None = None,
     force: bool = False,
-    quiet: bool = True,
-) -> Fit:
-    """Fits a scan under a tube, or a capture under a dome; what ``mesophyll fit leaf`` does.
+    progress: bool = False,
+) -> Result:
+    """Fits a scan under a tube, a capture under a dome, or photographs; what ``mesophyll fit leaf`` does.
 
     Parameters
     ----------
@@ -200,28 +204,68 @@ def fit(
         Captures under a dome only: what a dome does not show of the gloss.
     force : bool
         Fit again although the folder holds this very fit.
-    quiet : bool
-        Without lines of progress on standard error.
+    progress : bool
+        Lines of progress on standard error.
 
     Returns
     -------
-    Fit
-        ``fit.params["front"]["sigma_a"]`` has value and standard error a channel; ``fit.maps("front")`` has the maps.
+    Result
+        ``fit.front.sigma_a``, ``fit.front.sigma_a_err`` (1/mm) and others, a number a channel; ``fit.maps("front")``
+        has the maps. ``fit.status`` says how good it is; a fit that is not good stays written.
 
     Raises
     ------
-    ValueError
-        For a capture that does not say what it should.
-    OSError
-        For files that cannot be read or written.
-    RuntimeError
-        For a leaf that as a whole cannot be fitted.
+    Error
+        For a capture that does not say what it should (also a ``ValueError``), for files that cannot be read or written
+        (an ``OSError``), and for a leaf that as a whole cannot be fitted (a ``RuntimeError``).
     """
-    ends = None if gloss is None else (float(gloss[0]), float(gloss[1]))
-    options = (method, (lobe, index), robust, (hold_out, hold_out_seed), ends, force, quiet)
-    if isinstance(capture, Capture):
-        with tempfile.TemporaryDirectory(prefix="mesophyll-") as folder:
-            _native.leaf_fit(fspath(capture.write(Path(folder) / "capture")), fspath(out), *options)
-    else:
-        _native.leaf_fit(fspath(capture), fspath(out), *options)
-    return read(out)
+    options: dict[str, Option] = {"method": method, "lobe": lobe, "index": index, "gloss": gloss, "force": force}
+    # A dome and photographs have no frames to hold out; what is not said is not refused there.
+    usual = {"no_robust": (not robust, False), "hold_out": (hold_out, 20), "hold_out_seed": (hold_out_seed, 1)}
+    options |= {name: value for name, (value, default) in usual.items() if value != default}
+    if not isinstance(capture, Capture):
+        return made(["fit", "leaf", capture], out, options, progress)
+    with tempfile.TemporaryDirectory(prefix="mesophyll-") as folder:
+        return made(["fit", "leaf", capture.write(Path(folder) / "capture")], out, options, progress)
+
+
+def synth(spec: Place, out: Place, *, progress: bool = False, **options: Option) -> Result:
+    """Scans a synthetic leaf whose truth is known; what ``mesophyll synth`` does.
+
+    Parameters
+    ----------
+    spec : path
+        Specification of the leaf, such as ``data/leaves/elm.toml``.
+    out : path
+        Folder to write the capture to, which :func:`fit` takes.
+    progress : bool
+        Lines of progress on standard error.
+    **options
+        Any option of ``mesophyll synth``, with underscores: ``size="240x180"`` (texels), ``frames=60``, ``noise=0.01``,
+        ``acquisition="dome"``, ...
+
+    Returns
+    -------
+    Result
+        ``folder`` is the capture's; ``record`` says what was scanned.
+    """
+    _, record, notes = _command.printed(["synth", spec], options | {"out": out}, progress)
+    return Result({"status": "ok"}, notes=notes, record=record, folder=Path(out))
+
+
+def inspect(capture: Place) -> Result:
+    """Validates and summarises a capture without fitting it; what ``mesophyll inspect`` does.
+
+    Parameters
+    ----------
+    capture : path
+        Folder with ``capture.toml``, or a file of an instrument.
+
+    Returns
+    -------
+    Result
+        ``record`` has what was found; ``status`` is ``"missed: ..."`` where the capture has a fault.
+    """
+    code, record, notes = _command.printed(["inspect", capture], {}, False)
+    status = "ok" if code == 0 else "missed: the capture has a fault, which `record` names"
+    return Result({"status": status}, notes=notes, record=record)

@@ -8,15 +8,19 @@ hemisphere, zero below the horizon, without the sun's disk.
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _native
-from ._result import Floats, broadcast, floats, strict
+from . import _command, _native
+from ._command import Option, Place
+from ._errors import InputError
+from ._result import Floats, Maps, Result, broadcast, floats, read_exr, strict
+from .fits import made
 
-__all__ = ["coefficients", "evaluate", "irradiance"]
+__all__ = ["coefficients", "evaluate", "fit", "fit_panorama", "irradiance", "panorama"]
 
 
 def coefficients(
@@ -59,7 +63,7 @@ def coefficients(
 
     Raises
     ------
-    ValueError
+    Error
         For a sun or turbidity that no such sky has, and for options that do not go together.
 
     Warns
@@ -75,7 +79,7 @@ def coefficients(
     """
     # Before anything is as large as the bands ask for.
     if not 1 <= bands <= _native.MOST_BANDS:
-        raise ValueError(f"bands is {bands}; expected 1 to {_native.MOST_BANDS}")
+        raise InputError(f"bands is {bands}; expected 1 to {_native.MOST_BANDS}")
     (sun, haze), shape = broadcast(sun_zenith=sun_zenith, turbidity=turbidity)
     out = np.empty((sun.size, bands**2 * 3))
     troubles, said = _native.sky_coefficients(sun, haze, bands, (method, model, window), (albedo, ground), out)
@@ -90,9 +94,9 @@ def _sums(coefficients: ArrayLike, vectors: ArrayLike, name: str, irradiance: bo
     sky, read = floats(coefficients, "coefficients"), floats(vectors, name)
     bands = round(sky.shape[0] ** 0.5) if sky.ndim == 2 else 0
     if sky.ndim != 2 or sky.shape[1] != 3 or bands**2 != sky.shape[0]:
-        raise ValueError(f"coefficients have shape {sky.shape}; expected (bands**2, 3)")
+        raise InputError(f"coefficients have shape {sky.shape}; expected (bands**2, 3)")
     if read.ndim == 0 or read.shape[-1] != 3:
-        raise ValueError(f"{name} have shape {read.shape}; expected (..., 3)")
+        raise InputError(f"{name} have shape {read.shape}; expected (..., 3)")
     out = np.empty((read.size // 3, 3))
     strict(_native.sky_evaluate(sky, bands, read, irradiance, out), read.shape[:-1])
     return out.reshape(read.shape)
@@ -132,3 +136,111 @@ def irradiance(coefficients: ArrayLike, normals: ArrayLike) -> Floats:
         Irradiance in klx. Divide by pi and multiply by the albedo for the radiance of a diffuse surface.
     """
     return _sums(coefficients, normals, "normals", True)
+
+
+def fit(
+    out: Place,
+    *,
+    method: str = "fine",
+    bands: int = 7,
+    turbidity: tuple[float, float] = (2.5, 6.0),
+    model: Literal["preetham", "hosek-wilkie"] = "preetham",
+    albedo: float = 0.2,
+    progress: bool = False,
+    **options: Option,
+) -> Result:
+    """Polynomials of a sky's harmonics over sun and turbidity; what ``mesophyll fit sky`` does.
+
+    Parameters
+    ----------
+    out : path
+        Folder to write: coefficients.json and fit.toml.
+    method : str
+        ``"fine"``, ``"compact"``, or a fit of the sky as a black box: ``"chebyshev"``, ``"monomials-qr"``, ...
+    bands : int
+        Bands N: degrees l < N.
+    turbidity : (float, float)
+        Turbidities to cover.
+    model : {"preetham", "hosek-wilkie"}
+        The sky; hosek-wilkie is fitted by ``method="chebyshev"``.
+    albedo : float
+        Ground albedo of hosek-wilkie, 0 to 1.
+    progress : bool
+        Lines of progress on standard error.
+    **options
+        Any other option of ``mesophyll fit sky``, with underscores.
+
+    Returns
+    -------
+    Result
+        ``record`` has the errors of the fit.
+    """
+    options |= {"method": method, "bands": bands, "turbidity": turbidity, "model": model, "albedo": albedo}
+    return made(["fit", "sky"], out, options, progress)
+
+
+def fit_panorama(
+    picture: Place,
+    out: Place,
+    *,
+    projection: Literal["equirectangular", "fisheye"] = "equirectangular",
+    field_deg: float = 180.0,
+    channels: tuple[str, ...] = ("R", "G", "B"),
+    noise: float | None = None,
+    progress: bool = False,
+    **options: Option,
+) -> Result:
+    """Sun and turbidity from a picture of the sky; what ``mesophyll fit sky --panorama`` does.
+
+    Parameters
+    ----------
+    picture : path
+        OpenEXR or Radiance, linear and proportional to radiance.
+    out : path
+        Folder to write.
+    projection : {"equirectangular", "fisheye"}
+        How pixels map to directions.
+    field_deg : float
+        Of a fisheye: the whole angle across the circle, degrees.
+    channels : tuple of str
+        Three channels (red, green, blue) or one (luminance).
+    noise : float, optional
+        Relative standard error of a reading; from how neighbours scatter where it is left out.
+    progress : bool
+        Lines of progress on standard error.
+    **options
+        Any other option of ``mesophyll fit sky``, with underscores: ``mask``, ``saturation``.
+
+    Returns
+    -------
+    Result
+        The sun's zenith angle and azimuth, the turbidity and the reading of one kcd/m^2, each with ``_err``; units are
+        in ``result.params``.
+    """
+    options |= {"panorama": picture, "projection": projection, "channels": channels, "noise": noise}
+    return made(["fit", "sky"], out, options | {"field_deg": field_deg}, progress)
+
+
+def panorama(out: Place, sun_zenith_deg: float, turbidity: float, **options: Option) -> Maps:
+    """A picture of a sky whose sun and turbidity are known; what ``mesophyll eval panorama`` does.
+
+    Parameters
+    ----------
+    out : path
+        The OpenEXR file to write.
+    sun_zenith_deg : float
+        Angle of the sun from the zenith, degrees, 0 to 90.
+    turbidity : float
+        Turbidity.
+    **options
+        Any other option of ``mesophyll eval panorama``, with underscores: ``sun_azimuth_deg`` (degrees),
+        ``projection``, ``size="256x128"``, ``noise``, ``disk=True``, ...
+
+    Returns
+    -------
+    dict of ndarray
+        ``R``, ``G`` and ``B``, shape (height, width), kcd/m^2 in linear sRGB.
+    """
+    options |= {"sun_zenith_deg": sun_zenith_deg, "turbidity": turbidity, "out": out}
+    _command.printed(["eval", "panorama"], options, False)
+    return read_exr(Path(out))

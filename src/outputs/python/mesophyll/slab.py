@@ -1,8 +1,8 @@
 """The leaf's interior as a homogeneous slab (LEAFMOD: Ganapol et al. 1998; Wang et al. 2005, section 3).
 
 R is the diffuse reflectance and T the transmittance for a beam along the normal, both as shares of the light, without
-what the surface itself reflects: the slab is taken at the index of its surroundings. (``mesophyll fit slab --index N``
-takes one in air whose faces reflect.) Thickness is in mm, absorption ``sigma_a`` and scattering ``sigma_s`` in 1/mm.
+what the surface itself reflects: the slab is taken at the index of its surroundings. (:func:`fit` also takes
+one in air whose faces reflect.) Thickness is in mm, absorption ``sigma_a`` and scattering ``sigma_s`` in 1/mm.
 Scattering is taken as isotropic, so ``sigma_s`` is the reduced coefficient of tissue that scatters forward.
 """
 
@@ -13,10 +13,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _native
+from . import _command, _native
+from ._command import Option, Table
+from ._errors import InputError
 from ._result import Result, broadcast, collect, strict
 
-__all__ = ["evaluate", "forward", "invert"]
+__all__ = ["evaluate", "fit", "forward", "invert"]
 
 
 def forward(sigma_a: ArrayLike, sigma_s: ArrayLike, thickness: ArrayLike) -> tuple[Any, Any]:
@@ -36,7 +38,7 @@ def forward(sigma_a: ArrayLike, sigma_s: ArrayLike, thickness: ArrayLike) -> tup
 
     Raises
     ------
-    ValueError
+    Error
         For a number that is negative or not finite.
 
     Examples
@@ -89,7 +91,7 @@ def invert(
 
     Raises
     ------
-    ValueError
+    Error
         For shapes that do not broadcast and for options that make no sense. Bad elements are refused in ``status``.
 
     Examples
@@ -100,10 +102,10 @@ def invert(
     'ok'
     """
     if not 0.0 <= surface < 1.0:
-        raise ValueError(f"surface is {surface}; expected a reflectance of 0 to below 1")
+        raise InputError(f"surface is {surface}; expected a reflectance of 0 to below 1")
     for name, value in (("noise", noise), ("T_noise", T_noise)):
         if value is not None and not np.all(np.asarray(value, dtype=float) >= 0):
-            raise ValueError(f"{name}: expected standard errors of 0 or more")
+            raise InputError(f"{name}: expected standard errors of 0 or more")
     both = {"noise": noise, "T_noise": noise if T_noise is None else T_noise}
     (r, t, h, r_err, t_err), shape = broadcast(R=R, T=T, thickness=thickness, **both)
     names = ["sigma_a", "sigma_s", "sigma_a_err", "sigma_s_err"]
@@ -139,10 +141,55 @@ def evaluate(
         ``rho_d``, ``rho_t`` and ``status``.
     """
     if not 0.0 <= incidence_deg < 90.0:
-        raise ValueError(f"incidence_deg is {incidence_deg}; expected 0 to below 90")
+        raise InputError(f"incidence_deg is {incidence_deg}; expected 0 to below 90")
     if incidence_deg != 0.0 and method != "exact":
-        raise ValueError("incidence_deg needs method='exact'; the others are made for a normal beam")
+        raise InputError("incidence_deg needs method='exact'; the others are made for a normal beam")
     (w, d, rest), shape = broadcast(omega=omega, delta=delta, one_minus_omega=one_minus_omega)
-    return collect(
-        ["rho_d", "rho_t"], shape, lambda out: _native.slab_evaluate(w, d, rest, method, incidence_deg, out)
-    )
+    return collect(["rho_d", "rho_t"], shape, lambda out: _native.slab_evaluate(w, d, rest, method, incidence_deg, out))
+
+
+def fit(
+    spectra: Table,
+    *,
+    noise: float | None = None,
+    method: Literal["fast", "exact"] = "fast",
+    surface: float = 0.0,
+    index: float = 1.0,
+    specular: Literal["included", "excluded"] = "included",
+    percent: bool = False,
+    any_thickness: bool = False,
+    **options: Option,
+) -> Result:
+    """Absorption and scattering from a table of spectra; what ``mesophyll fit slab`` does.
+
+    Parameters
+    ----------
+    spectra : dict of array_like, data frame or path
+        ``rho_d``, ``rho_t`` and ``h`` (mm) or ``thickness_um`` (um), or a row a wavelength (``leaf``,
+        ``wavelength_nm``, ``R``, ``T``), or a row a leaf (``R450``, ``T450``, ...). Optional: ``rho_d_err``,
+        ``rho_t_err``, and ``known_sigma_a`` or ``known_sigma_s`` (1/mm), with which one of R and T is enough.
+    noise : float, optional
+        Absolute standard error of R and T, where the table has none; 0 for exact values. Without it errors are NaN.
+    method : {"fast", "exact"}
+        fast is better than 1e-6 wherever the parameters are determined, exact has nine digits.
+    surface : float
+        Reflectance of the surface itself, which is taken off R; not together with ``index``.
+    index : float
+        Refractive index of the slab, 1 to 3; above 1 its faces reflect.
+    specular : {"included", "excluded"}
+        With ``index``: whether R has the mirror reflection of the faces.
+    percent : bool
+        R and T are in per cent; ``noise`` stays a share of 1.
+    any_thickness : bool
+        Take thicknesses that no leaf has for right.
+    **options
+        Any other option of ``mesophyll fit slab``, with underscores: ``columns="rho_d=R550,rho_t=T550"``, ``plots``.
+
+    Returns
+    -------
+    Result
+        ``sigma_a``, ``sigma_s`` (1/mm), each with ``_err``, and ``status``, beside the columns of the table.
+    """
+    options |= {"noise": noise, "method": method, "surface": surface, "index": index, "percent": percent}
+    options |= {"specular": specular if index != 1.0 else None, "any_thickness": any_thickness}
+    return _command.table(["fit", "slab"], spectra, options)
