@@ -18,7 +18,7 @@ from ._errors import InputError
 Floats = NDArray[np.float64]
 Maps = dict[str, NDArray[np.float32]]
 
-# Units by how names end, as in tables and files; longer ends first.
+# Units by how names end, as in tables and files; the longest end counts.
 UNITS = {
     "_mm_per_sqrt_hz": "mm/sqrt(Hz)",
     "_mm_per_m_s": "mm per m/s",
@@ -42,6 +42,8 @@ UNITS = {
     "tilt": "rad",
     "tilt_y": "rad",
 }
+NOT_DETERMINED = "the measurement does not determine it"
+NO_VALUE = "there is no value"
 # What has no unit although its name ends like one.
 PURE = {"rho_s", "xi_s"}
 
@@ -50,7 +52,8 @@ def unit_of(name: str) -> str:
     """The unit of a column, by its name; empty for pure numbers."""
     if name in PURE or re.fullmatch(r"rho_s_.*", name):
         return ""
-    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+    ends = sorted((end for end in UNITS if name.endswith(end)), key=len)
+    return UNITS[ends[-1]] if ends else ""
 
 
 @dataclass(frozen=True)
@@ -187,12 +190,12 @@ class Result(MutableMapping[str, Any]):
     def _reason(self, name: str, value: Any) -> Any:
         if self._open is not None:
             return "; ".join(why for key, why in self._open.items() if key == name or key.startswith(f"{name}."))
-        status = self.get("status", "ok")
-        if isinstance(status, str):
-            return reason(status, name, self._names())
-        names = self._names()
-        found = np.array([reason(s, name, names) for s in np.asarray(status).reshape(-1)], dtype=object)
-        return found.reshape(np.shape(status))
+        status, names = np.asarray(self.get("status", "ok"), dtype=object), self._names()
+        # The status of a row with several channels is one.
+        missing = np.isnan(np.asarray(value, dtype=float)).reshape(status.shape + (-1,)).all(axis=-1)
+        reasons = [reason(one, name, names) for one in status.reshape(-1)]
+        found = [why or (NO_VALUE if gone else "") for why, gone in zip(reasons, missing.reshape(-1), strict=True)]
+        return np.array(found, dtype=object).reshape(status.shape) if status.shape else found[0]
 
     @property
     def undetermined(self) -> dict[str, Any]:
@@ -272,12 +275,25 @@ def reason(status: str, name: str, names: Iterable[str]) -> str:
     kind, _, what = status.partition(": ")
     if kind == "ok":
         return ""
-    words = re.split(r"[ ,;]", re.split(r"[(:]", what)[0]) if kind == "undetermined" else []
+    if kind != "undetermined":
+        return what
+    begins = re.search(r"[(:]", what)
+    head, why = (what[: begins.start()], what[begins.start() :]) if begins else (what, "")
 
-    def meant(one: str) -> bool:
-        return any(word == one or word.startswith(f"{one}_") for word in words)
+    def meant(one: str, text: str) -> bool:
+        return any(word == one or word.startswith(f"{one}_") for word in re.split(r"[ ,;]", text))
 
-    return "" if any(map(meant, names)) and not meant(name) else what
+    known = list(names)
+    if not any(meant(one, head) for one in known):
+        return what
+    own = [part.strip() for part in re.split(r"[,;]", head) if meant(name, part)]
+    if not own:
+        return ""
+    # Besides names, a part may hold a bound: `sigma_a >= 23`.
+    bound = own[0] if any(not any(meant(one, word) for one in known) for word in own[0].split()) else ""
+    if why.startswith("(") and why.endswith(")"):
+        why = why[1:-1]
+    return " ".join(part for part in (bound, why.removeprefix(": ")) if part) or NOT_DETERMINED
 
 
 def plain(value: Any) -> Any:

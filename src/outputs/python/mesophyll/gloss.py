@@ -43,7 +43,18 @@ def _told(device: Device) -> tuple[str, str]:
 
 
 def frames(device: Device) -> Floats:
-    """Positions u of the light in every frame: distance along its travel over the height, shape (frames,)."""
+    """Positions of the light in every frame of a device.
+
+    Parameters
+    ----------
+    device : dict or path
+        The device, as in :func:`fit`.
+
+    Returns
+    -------
+    ndarray, shape (frames,)
+        u: distance along the light's travel over its height.
+    """
     return np.array(_native.gloss_frames(*_told(device)))
 
 
