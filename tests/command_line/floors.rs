@@ -19,7 +19,12 @@ fn packages() -> BTreeMap<String, (PathBuf, BTreeSet<String>)> {
         .map(|folder| {
             let table = read(&folder);
             let used = table["dependencies"].as_table().unwrap().keys();
-            let used = used.filter_map(|name| name.strip_prefix("mesophyll-")).map(String::from).collect();
+            // The package of the command line is called as the whole.
+            let room = |name: &String| match name.as_str() {
+                "mesophyll" => Some("mesophyll".to_string()),
+                other => other.strip_prefix("mesophyll-").map(String::from),
+            };
+            let used = used.filter_map(room).collect();
             let name = table["package"]["name"].as_str().unwrap();
             (name.strip_prefix("mesophyll-").unwrap_or(name).to_string(), (folder, used))
         })

@@ -108,9 +108,12 @@ def report(*folders: Place, out: Place | None = None) -> Result:
     -------
     Result
         ``record`` holds the rows of the report as dictionaries and lists; numbers that are not finite are None.
-        ``status`` is the verdict's sentence.
+        ``status`` is ``"ok"``, ``"doubtful: ..."`` or ``"missed: ..."`` with the verdict's sentence.
     """
     said = ["report", *(fspath(folder) for folder in folders), "--json", *_command.words({"out": out})]
     found = _command.command(*said)
     rows = json.loads(found["printed"])
-    return Result({"status": rows["verdict"]["sentence"]}, notes=found.notes, record=rows)
+    verdict = rows["verdict"]
+    word = "missed" if verdict["missed"] else "doubtful"
+    status = "ok" if verdict["level"] == "good" else f"{word}: {verdict['sentence']}"
+    return Result({"status": status}, notes=found.notes, record=rows)
