@@ -2,7 +2,7 @@
 //! completions read only this list. `docs/adding.md` says which files a new model has besides its entry.
 
 use crate::cli::peers::PeerScript;
-use crate::cli::{CommonArgs, Error, Result, eval, fit, pictures};
+use crate::cli::{CommonArgs, Error, Result, design, eval, fit, pictures};
 use clap::{ArgMatches, Command, FromArgMatches};
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_proof::bench::BenchRow;
@@ -25,13 +25,15 @@ pub struct ModelEntry {
     pub fit: Option<ModelVerb>,
     /// `mesophyll eval NAME`.
     pub eval: Option<ModelVerb>,
+    /// `mesophyll design NAME`.
+    pub design: Option<ModelVerb>,
     /// `mesophyll bench NAME`.
     pub bench: Option<ModelSweep>,
     /// `mesophyll stress NAME`.
     pub stress: Option<fn() -> Result<Vec<StressRow>>>,
 }
 
-/// A verb inside `fit` or `eval`.
+/// A verb inside `fit`, `eval` or `design`.
 #[derive(Debug, Clone, Copy)]
 pub struct ModelVerb {
     /// What it does, in one sentence of the help.
@@ -55,7 +57,7 @@ pub struct ModelSweep {
     pub peers: Option<PeerScript>,
 }
 
-/// The verb whose arguments and function `run` are in `fit::NAME` or `eval::NAME`.
+/// The verb whose arguments and function `run` are in `fit::NAME`, `eval::NAME` or `design::NAME`.
 macro_rules! verb {
     ($list:ident::$name:ident, $about:literal) => {
         Some(ModelVerb {
@@ -85,7 +87,8 @@ macro_rules! sweep {
     };
 }
 
-const NONE: ModelEntry = ModelEntry { name: "", about: "", fit: None, eval: None, bench: None, stress: None };
+const NONE: ModelEntry =
+    ModelEntry { name: "", about: "", fit: None, eval: None, design: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
 pub const MODELS: [ModelEntry; 27] = [
@@ -109,6 +112,7 @@ pub const MODELS: [ModelEntry; 27] = [
         name: "slab",
         fit: verb!(fit::slab, "σa and σs of a slab from its reflectance, transmittance and thickness, from CSV"),
         eval: verb!(eval::slab, "ρd and ρt of a slab from ω and Δ"),
+        design: verb!(design::slab, "Which of reflectance, transmittance and thickness to measure better"),
         bench: Some(ModelSweep {
             peers: Some(PeerScript {
                 text: include_str!("../../tests/peers/slab_peers.py"),
@@ -127,6 +131,7 @@ pub const MODELS: [ModelEntry; 27] = [
     ModelEntry {
         name: "gloss",
         fit: verb!(fit::gloss, "Gloss traces of a linear light source, or goniometer samples, from CSV"),
+        design: verb!(design::gloss, "Which directions a goniometer should read"),
         eval: verb!(eval::gloss, "Traces of a linear light source over a glossy texel"),
         bench: Some(ModelSweep {
             peers: Some(PeerScript { text: include_str!("../../tests/peers/gloss_peers.py"), inputs: peers::gloss }),
@@ -138,6 +143,7 @@ pub const MODELS: [ModelEntry; 27] = [
     ModelEntry {
         name: "leaf",
         fit: verb!(fit::leaf, "A leaf scan: reflectance, gloss, normals, interior, thickness and blade"),
+        design: verb!(design::leaf, "Where the tube of a leaf scan should stand"),
         stress: Some(leaf::stress::rows),
         ..NONE
     },
@@ -153,6 +159,7 @@ pub const MODELS: [ModelEntry; 27] = [
             fit::beam,
             "Coefficients of a tapered branch, or its taper and stiffness from measured deflections, from CSV"
         ),
+        design: verb!(design::beam, "Where on a branch to measure"),
         eval: verb!(eval::beam, "Deflection and slope of a tapered branch"),
         bench: Some(sweep!(beam::bench::bench_rows)),
         stress: Some(|| Ok(beam::stress::rows())),
@@ -164,6 +171,7 @@ pub const MODELS: [ModelEntry; 27] = [
             fit::motion,
             "Resonance, damping and gain of a swaying branch from its deflections over time, from CSV"
         ),
+        design: verb!(design::motion, "How long and how often to read a branch in gusts"),
         stress: Some(|| Ok(motion::rows())),
         ..NONE
     },
@@ -309,6 +317,7 @@ pub const MODELS: [ModelEntry; 27] = [
     ModelEntry {
         name: "foliar",
         fit: verb!(fit::foliar, "Pigments of a leaf from the light that it reflects and lets through, from CSV"),
+        design: verb!(design::foliar, "Which bands of a spectrometer to read"),
         stress: Some(|| Ok(foliar::stress::rows())),
         ..NONE
     },
@@ -341,7 +350,8 @@ pub fn asked<T>(names: &[String], what: fn(&ModelEntry) -> Option<T>) -> Vec<(&'
 /// # Errors
 /// Those of standard output.
 pub fn list<T>(verb: &str, what: fn(&ModelEntry) -> Option<T>, common: &CommonArgs) -> Result<u8> {
-    let about = |m: &ModelEntry| [m.fit, m.eval].into_iter().flatten().next().map_or(m.about, |verb| verb.about);
+    let about =
+        |m: &ModelEntry| [m.fit, m.eval, m.design].into_iter().flatten().next().map_or(m.about, |verb| verb.about);
     let models: Vec<_> = MODELS.iter().filter(|m| what(m).is_some()).map(|m| (m.name, about(m))).collect();
     if common.json {
         let models: Vec<_> = models.iter().map(|(name, about)| json!({ "name": name, "about": about })).collect();
@@ -356,45 +366,5 @@ pub fn list<T>(verb: &str, what: fn(&ModelEntry) -> Option<T>, common: &CommonAr
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_model_has_a_name_of_its_own_and_something_to_do() {
-        for (k, model) in MODELS.iter().enumerate() {
-            let verbs = [model.fit.is_some(), model.eval.is_some(), model.bench.is_some(), model.stress.is_some()];
-            assert!(verbs.contains(&true), "{}", model.name);
-            assert!(MODELS[..k].iter().all(|other| other.name != model.name), "{} is there twice", model.name);
-        }
-    }
-
-    #[test]
-    fn what_is_asked_for_comes_once_and_in_the_order_asked() {
-        let names = |asked_for: &[&str]| -> Vec<&str> {
-            let words: Vec<String> = asked_for.iter().map(|w| w.to_string()).collect();
-            asked(&words, |m| m.stress).into_iter().map(|(name, _)| name).collect()
-        };
-        assert_eq!(names(&["sky", "nist", "sky"]), ["sky", "nist"]);
-        assert!(names(&[]).is_empty());
-        assert_eq!(names(&["sky", "all"]).len(), with(|m| m.stress).count());
-    }
-
-    /// The page that says what a new model touches names files that are there.
-    #[test]
-    fn the_files_of_the_page_are_there() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(".");
-        let page = std::fs::read_to_string(root.join("docs/adding.md")).unwrap();
-        let mut seen = 0;
-        for line in page.lines() {
-            for (k, path) in line.split('`').enumerate().filter(|(k, _)| k % 2 == 1) {
-                let rooms = ["src/", "docs/", "data/", "viewer/", "tests/"];
-                let after = line.split('`').skip(k + 1).collect::<String>();
-                if rooms.iter().any(|room| path.starts_with(room)) && !after.contains("(new)") {
-                    assert!(root.join(path).exists(), "{path} of docs/adding.md is not there");
-                    seen += 1;
-                }
-            }
-        }
-        assert!(seen >= 15, "{seen} paths");
-    }
-}
+#[path = "models_tests.rs"]
+mod tests;

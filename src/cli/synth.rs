@@ -8,6 +8,7 @@ use crate::cli::{Error, Result};
 use mesophyll_capture::beams::manifest::BeamPhotograph;
 use mesophyll_capture::kind::CaptureKind;
 use mesophyll_files::{claim, progress};
+use mesophyll_fits::design::leaf::read_places;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::tube::Travel;
 use mesophyll_synth::beams;
@@ -50,6 +51,9 @@ pub struct Args {
     /// Directions of travel: x, or x and y [default: xy]
     #[arg(long, value_name = "x|xy", value_parser = ["x", "xy"])]
     passes: Option<String>,
+    /// CSV of the frames' places, pass and position_mm, as `design leaf` writes it
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["frames", "passes"])]
+    positions: Option<PathBuf>,
     /// Width (mm) of the part of the leaf that is captured; its height follows from the aspect ratio of --size
     /// (default: the whole field)
     #[arg(long, value_name = "MM")]
@@ -282,11 +286,18 @@ fn tube(args: &Args, common: &CommonArgs, width: usize, height: usize) -> Result
     if let Some((size, _)) = patch(args)? {
         spec.field_mm = [size, size * height as f64 / width as f64];
     }
+    let positions = args.positions.as_deref().map_or(Ok(Vec::new()), read_places)?;
+    let passes = match (args.passes.as_deref(), positions.is_empty()) {
+        (_, false) => positions.iter().map(|(travel, _)| *travel).collect(),
+        (Some("x"), _) => vec![Travel::X],
+        _ => vec![Travel::X, Travel::Y],
+    };
     let options = Options {
         width,
         height,
         frames,
-        passes: if args.passes.as_deref() == Some("x") { vec![Travel::X] } else { vec![Travel::X, Travel::Y] },
+        passes,
+        positions,
         noise: args.noise,
         seed: args.seed,
         model: spec.truth(&args.spec, args.model)?,

@@ -1,11 +1,11 @@
-//! The verbs inside `fit` and `eval`: those that the list of models has, and the one that was chosen.
+//! The verbs inside `fit`, `eval` and `design`: those that the list of models has, and the one that was chosen.
 
 use crate::cli::models::{ModelEntry, ModelVerb, with};
 use crate::cli::{CommonArgs, Result};
 use clap::{ArgMatches, Command, FromArgMatches};
 use std::marker::PhantomData;
 
-/// Which verbs a command offers: those of `fit`, or those of `eval`.
+/// Which verbs a command offers: those of `fit`, of `eval` or of `design`.
 pub trait VerbCatalogue {
     fn verb(model: &ModelEntry) -> Option<ModelVerb>;
 }

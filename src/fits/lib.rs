@@ -4,6 +4,7 @@
 
 pub mod branch;
 pub mod consistency;
+pub mod design;
 pub mod dome;
 pub mod foliar;
 pub mod gloss;

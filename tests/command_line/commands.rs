@@ -260,6 +260,11 @@ fn the_commands_of_the_page_of_pictures_run() {
 }
 
 #[test]
+fn the_commands_of_the_page_of_designs_run() {
+    assert_eq!(run_page("docs/designs.md", false), [6, 0]);
+}
+
+#[test]
 fn the_commands_of_the_looks_page_run() {
     assert_eq!(run_page("docs/looks.md", false), [4, 0]);
 }
@@ -294,6 +299,7 @@ fn the_list_of_what_is_left_out_is_true() {
             "docs/grass.md",
             "docs/tutorials.md",
             "docs/good.md",
+            "docs/designs.md",
             "docs/export.md",
             "docs/photo.md",
             "docs/looks.md",

@@ -232,7 +232,7 @@ fn a_fits_folder_is_one_threads_until_the_fit_has_ended() {
         for finished in [false, false, true, true] {
             if finished {
                 let record = maker.record("one");
-                maker.finish(&record)?;
+                maker.finish(record)?;
             }
             assert_eq!(parts.exists(), !finished);
             let refused = other(&place).unwrap_err();

@@ -7,6 +7,7 @@ mod beam;
 mod coefficients;
 #[path = "../common/mod.rs"]
 mod common;
+mod designs;
 mod dipole;
 mod gloss;
 mod goniometer;

@@ -102,6 +102,11 @@ impl Groups {
         self.groups.iter().map(|group| group.name.as_str())
     }
 
+    /// Each group's name with its readable rows, in order.
+    pub fn each(&self) -> impl Iterator<Item = (&str, &[GroupRow])> {
+        self.groups.iter().map(|group| (group.name.as_str(), group.rows.as_slice()))
+    }
+
     /// All readable rows.
     pub fn rows(&self) -> impl Iterator<Item = &GroupRow> {
         self.groups.iter().flat_map(|group| &group.rows)

@@ -76,8 +76,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutc
     let mut record = maker.record(&capture.manifest.name);
     output::write(maker.begin()?, &capture, &reduced, &sides, options, &mut record)?;
     maker.times.phase("blade and maps", step);
-    maker.finish(&record)?;
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(maker.finish(record)?))
 }
 
 /// σ of the leaf, and σ and γ of every texel, for one side.

@@ -153,8 +153,7 @@ fn fit(path: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutcom
     if options.view {
         picture::write(&out.join(VIEW), &meadow, &slices)?;
     }
-    maker.finish(&record)?;
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(maker.finish(record)?))
 }
 
 /// What a finished part records beside its pictures.

@@ -14,17 +14,18 @@ pub mod held_out;
 pub(crate) mod indeterminacy;
 pub(crate) mod interior;
 pub mod leaf_wide;
-mod noise;
+pub(crate) mod noise;
 pub(crate) mod outliers;
 mod output;
 mod paper;
-mod side;
+pub(crate) mod side;
 pub mod sides;
 pub(crate) mod slabmaps;
 pub mod texels;
 mod truth;
 mod widening;
 
+use crate::design::frames;
 use crate::gloss::{GlossFitDevice, GlossTexelFitter};
 use crate::record::FitKind;
 use crate::record::maker::{self, FitMaker, FitOutcome};
@@ -231,8 +232,9 @@ fn fit(folder: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutc
         output::side(&out, &capture, fitted, &level, truth, judged, &mut record)?;
     }
     output::finish(&out, &capture, blade.as_ref(), &mut record)?;
+    record.next_measurement = frames::next(&capture, &device, &level, &done);
     maker.times.phase("write maps", step);
-    maker.finish(&record)?;
+    let record = maker.finish(record)?;
     if done.iter().all(|d| d.wide_failed()) {
         return Err(Error::Missed(format!(
             "{}: the leaf-wide fit did not converge on any side ({}); maps are written, σa and σs are not to be used",
@@ -240,5 +242,5 @@ fn fit(folder: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutc
             done.iter().map(|d| d.termination.name()).collect::<Vec<_>>().join(", ")
         )));
     }
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(record))
 }

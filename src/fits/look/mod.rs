@@ -195,6 +195,5 @@ fn make(look: &Look, name: &str, force: bool, maker: &mut FitMaker) -> Result<Fi
     let mut record = maker.record(name);
     let out = maker.begin()?.to_path_buf();
     maker.phase("blade and maps", || output::write(&out, look, name, &found, &mut record))?;
-    maker.finish(&record)?;
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(maker.finish(record)?))
 }

@@ -83,14 +83,14 @@ fn fit(folder: &Path, force: bool, maker: &mut FitMaker) -> Result<FitOutcome> {
     let out = maker.begin()?.to_path_buf();
     output::write(&out, folder, &manifest, &reduced, &sides, &mut record)?;
     maker.times.phase("blade and maps", step);
-    maker.finish(&record)?;
+    let record = maker.finish(record)?;
     if sides.iter().all(|s| !s.wide.termination.converged()) {
         return Err(Error::Missed(format!(
             "{}: the leaf-wide fit did not converge on any side; maps are written, σa and σs are not to be used",
             out.join("fit.toml").display()
         )));
     }
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(record))
 }
 
 /// The interior of one side.

@@ -10,6 +10,7 @@
 //! fit computes, opens the folder for writing ([`FitMaker::begin`]), writes its maps, and hands over its record
 //! ([`FitMaker::finish`]). So an input that cannot be read is reported before the folder is touched.
 
+use crate::record::next::NextMeasurement;
 use crate::record::{Error, FitKind, FitRecord, FitTimes, Result, read_toml, write_toml};
 use mesophyll_files::claim::{self, FolderClaim, OutputKind};
 use mesophyll_files::{atomic, hash, progress};
@@ -242,12 +243,15 @@ impl FitMaker {
         FitRecord::new(self.kind, name, self.input_hash.clone())
     }
 
-    /// Writes `times.toml` and, last of all, `fit.toml`. The parts are no longer needed then and are removed, while
-    /// the folder is still claimed.
+    /// Writes `times.toml` and, last of all, `fit.toml`, which also names what to measure next. The parts are no longer
+    /// needed then and are removed, while the folder is still claimed. Returns the record as it was written.
     ///
     /// # Errors
     /// Files that cannot be written.
-    pub fn finish(&mut self, record: &FitRecord) -> Result<()> {
+    pub fn finish(&mut self, mut record: FitRecord) -> Result<Box<FitRecord>> {
+        let stated = record.next_measurement.take().into_iter();
+        let all = stated.chain(NextMeasurement::of(&record));
+        record.next_measurement = all.max_by(|a, b| a.error_now.total_cmp(&b.error_now));
         self.times.total_s = self.clock.elapsed().as_secs_f64();
         self.times.peak_memory_mib = peak_memory_mib();
         self.times.write(&self.out)?;
@@ -256,7 +260,7 @@ impl FitMaker {
             // Parts that cannot be removed do no harm in a complete fit.
             let _ = std::fs::remove_dir_all(parts);
         }
-        Ok(())
+        Ok(Box::new(record))
     }
 }
 

@@ -7,6 +7,7 @@ mod consistency;
 pub mod fault;
 mod kind;
 pub mod maker;
+pub mod next;
 pub mod scan;
 mod seal;
 
@@ -175,6 +176,9 @@ pub struct FitRecord {
     /// Faults of the measurement that its data show.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<MeasurementFault>,
+    /// What to measure next, where a number is not determined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next_measurement: Option<next::NextMeasurement>,
     /// Sections by name: `front`, `back`, or `all`.
     #[serde(flatten)]
     pub sections: BTreeMap<String, RecordSection>,

@@ -194,7 +194,7 @@ fn write(maker: &mut FitMaker, fit: SkyFit, reference: &SkyFitReference) -> Resu
     record.sections.insert("all".into(), all);
     maker.times.phases.clone_from(&fit.phases);
     maker.times.traces.insert("fit".into(), fit.trace.clone());
-    maker.finish(&record)?;
+    maker.finish(record)?;
     let bytes = narrow.bytes();
     Ok(SkyFitResult { fitted: fit, wide: wide_error, narrow: error, bytes, smallest_c00: reference.smallest })
 }

@@ -163,8 +163,7 @@ fn fit(scene: &TransferScene, options: &Options, maker: &mut FitMaker) -> Result
         maps.write(&out.join(SUN))?;
         record.files.insert(SUN.into(), hash::file(&out.join(SUN))?);
     }
-    maker.finish(&record)?;
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(maker.finish(record)?))
 }
 
 /// The hash of everything that decides the transfer of a scene.

@@ -241,8 +241,7 @@ fn fit(leaf: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutcom
     for side in &source.sides {
         record.files.insert(LeafFitFile::Maps.name(side.name), hash::file(&LeafFitFile::Maps.path(out, side.name))?);
     }
-    maker.finish(&record)?;
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(maker.finish(record)?))
 }
 
 /// The channels to compute: 0 red, 1 green, 2 blue.

@@ -46,9 +46,37 @@ pub struct TubeManifest {
     /// How the light box was photographed.
     #[serde(default)]
     pub lightbox: LightBox,
+    /// What the device can do, for designs of further scans.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<DeviceLimits>,
     /// The passes of the tube over the leaf: `x`, or `x` and `y`.
     #[serde(rename = "pass")]
     pub passes: Vec<TubePass>,
+}
+
+/// Where the tube can stand. A design of a further scan proposes nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeviceLimits {
+    /// Least and largest position in pass x (mm); those of the pass when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub x_mm: Option<[f64; 2]>,
+    /// The same in pass y.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub y_mm: Option<[f64; 2]>,
+    /// Positions are whole multiples of this (mm); any position when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step_mm: Option<f64>,
+}
+
+impl DeviceLimits {
+    /// Least and largest position in a pass (mm), where they are stated.
+    pub fn of(&self, pass: Travel) -> Option<[f64; 2]> {
+        match pass {
+            Travel::X => self.x_mm,
+            Travel::Y => self.y_mm,
+        }
+    }
 }
 
 /// How the light box was photographed.
@@ -141,6 +169,17 @@ impl TubeManifest {
                 &format!("{:?}", self.sides.iter().map(|s| s.name()).collect::<Vec<_>>()),
                 "[\"front\"] or [\"front\", \"back\"]",
             );
+        }
+        if let Some(limits) = self.limits {
+            for travel in [Travel::X, Travel::Y] {
+                if let Some([a, b]) = limits.of(travel)
+                    && !(a < b && a.abs() <= 1e7 && b.abs() <= 1e7)
+                {
+                    let field = format!("limits.{}_mm", travel.name());
+                    return bad(&field, &format!("{a} … {b}"), "the least and the largest position (mm), at most 1e7");
+                }
+            }
+            fields.positive_mm(limits.step_mm.map(|step| ("limits.step_mm", step)))?;
         }
         for travel in [Travel::X, Travel::Y] {
             let count = self.passes.iter().filter(|p| p.name == travel).count();

@@ -34,7 +34,7 @@ impl ManifestCheck<'_> {
 
     /// Checks lengths of a device: between a nanometre and ten kilometres. Beyond these, arithmetic is tested and not a
     /// device.
-    pub fn positive_mm<const N: usize>(&self, lengths: [(&str, f64); N]) -> Result<()> {
+    pub fn positive_mm<'a>(&self, lengths: impl IntoIterator<Item = (&'a str, f64)>) -> Result<()> {
         match lengths.into_iter().find(|(_, value)| !(1e-6..=1e7).contains(value)) {
             Some((field, value)) => Err(self.wrong(field, value, "a positive length in mm, 1e-6 to 1e7")),
             None => Ok(()),

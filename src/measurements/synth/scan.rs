@@ -32,6 +32,8 @@ pub struct Options {
     pub frames: usize,
     /// The passes that are scanned.
     pub passes: Vec<Travel>,
+    /// Where the frames of a pass stand (mm), in place of even ones.
+    pub positions: Vec<(Travel, Vec<f64>)>,
     /// Relative noise; 0 writes exact values.
     pub noise: f64,
     /// Seed of the noise.
@@ -114,6 +116,9 @@ pub fn stop_if_asked(folder: &Path) -> Result<()> {
 fn manifest_of(spec: &LeafSpec, leaf: &SyntheticLeaf, options: &Options) -> TubeManifest {
     let device = &spec.device;
     let passes = options.passes.iter().map(|&name| {
+        if let Some((_, list)) = options.positions.iter().find(|(travel, _)| *travel == name) {
+            return TubePass { name, start_mm: None, end_mm: None, frames: None, positions_mm: Some(list.clone()) };
+        }
         let [a, b] = if name == Travel::X { device.travel_x_mm } else { device.travel_y_mm };
         TubePass { name, start_mm: Some(a), end_mm: Some(b), frames: Some(options.frames), positions_mm: None }
     });
@@ -132,6 +137,7 @@ fn manifest_of(spec: &LeafSpec, leaf: &SyntheticLeaf, options: &Options) -> Tube
         sides: vec![Side::Front, Side::Back],
         tube: device.tube,
         lightbox: LightBox { camera_deg: device.lightbox_camera_deg },
+        limits: None,
         passes: passes.collect(),
     }
 }

@@ -81,6 +81,9 @@ fn fit(out: &mut String, f: &FitReport) {
     heading(out, 2, &format!("{} ({})", f.name, f.kind.words()));
     let _ = writeln!(out, "\n**{}**", inline(&f.verdict.sentence));
     reasons(out, &f.verdict);
+    if let Some(next) = &f.next_measurement {
+        let _ = writeln!(out, "\nWhat to measure next: {}.", inline(&next.sentence));
+    }
     if !f.parameters.is_empty() {
         heading(out, 3, "Parameters");
         let rows = f.parameters.iter().map(|p| {

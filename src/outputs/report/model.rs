@@ -5,6 +5,7 @@ use crate::held_out::HeldOutReport;
 use crate::stats::MapSummary;
 use crate::values::MapValues;
 use mesophyll_base::solvers::TraceRow;
+use mesophyll_fits::record::next::NextMeasurement;
 use mesophyll_fits::record::{FitKind, FitPhase, ResidualStatistics, TruthError};
 use mesophyll_scene::manifest::ViewKind;
 use serde::{Deserialize, Serialize};
@@ -87,6 +88,8 @@ pub struct FitReport {
     pub input_hash: String,
     pub termination: Option<String>,
     pub verdict: ReportVerdict,
+    /// The measurement that would help most, where a number is not determined.
+    pub next_measurement: Option<NextMeasurement>,
     pub options: BTreeMap<String, String>,
     pub parameters: Vec<ParameterRow>,
     pub sections: Vec<SectionReport>,

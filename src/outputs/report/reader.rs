@@ -6,6 +6,7 @@ use crate::model::{FitReport, ParameterRow, QualityLevel, Report, ReportVerdict,
 use crate::{Error, Result};
 use crate::{Options, ReportSource, comparison, held_out, notes, overall, scene, translucency, verdict};
 use mesophyll_fits::leaf_folder::LeafFitFile;
+use mesophyll_fits::record::next::NextMeasurement;
 use mesophyll_fits::record::{FitKind, FitRecord, FitTimes, RecordSection};
 use std::path::{Path, PathBuf};
 
@@ -151,6 +152,7 @@ fn fit(folder: &Path, options: &Options, with_maps: bool) -> Result<FitReport> {
             missed: false,
             reasons: Vec::new(),
         },
+        next_measurement: record.next_measurement.clone().or_else(|| NextMeasurement::of(&record)),
         options: record.options.clone(),
         parameters: ordered(&record).flat_map(|(n, s)| parameters(n, s)).collect(),
         sections: ordered(&record).map(|(n, s)| section(n, s)).collect(),

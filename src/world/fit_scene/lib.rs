@@ -124,8 +124,7 @@ fn fit(
     for file in files {
         record.files.insert(file.clone(), hash::file(&out.join(file))?);
     }
-    maker.finish(&record)?;
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(maker.finish(record)?))
 }
 
 /// The hash of everything that decides a fit: the scene's text, and every file that it names.

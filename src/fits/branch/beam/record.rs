@@ -152,8 +152,7 @@ pub fn basis_to(out: &Path) -> Result<(FitRecord, f64)> {
         maker.times.phase("fit", start);
         maker.times.traces.insert("all".into(), fit.fit.trace);
         maker.begin()?;
-        maker.finish(&record)?;
-        Ok((record, seconds))
+        Ok((*maker.finish(record)?, seconds))
     })
 }
 
@@ -207,7 +206,7 @@ pub fn branches_to(
         maker.made_from(input.clone())?;
         let record = of_branches(&branches, &fits, along, load, input);
         maker.begin()?;
-        maker.finish(&record)?;
+        maker.finish(record)?;
         Ok((branches, fits))
     })
 }

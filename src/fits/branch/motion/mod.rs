@@ -33,7 +33,7 @@ pub mod reader;
 pub mod spectra;
 mod spikes;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod verdict;
 pub mod whittle;
 

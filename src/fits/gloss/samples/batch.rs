@@ -2,10 +2,12 @@
 
 use super::columns::Columns;
 use super::verdict::{self, Suspicion};
-use super::{GlossFitSettings, GlossSample, GlossSampleFit, LobeChoice, fit};
+use super::{GlossFitSettings, GlossSample, GlossSampleFit, LobeChoice, MeasuredGloss, fit};
 use crate::Result;
 use mesophyll_files::progress;
-use mesophyll_files::table::{BatchSpec, Groups, InputTable, OutputRow, PhysicalRange, RowTally, TableOutput};
+use mesophyll_files::table::{
+    BatchSpec, GroupRow, Groups, InputTable, OutputRow, PhysicalRange, RowTally, TableOutput,
+};
 use mesophyll_optics::gloss::LobeKind;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -29,17 +31,7 @@ pub fn run(
     settings: &GlossFitSettings,
 ) -> Result<RowTally> {
     let columns = Columns::of(&table, values)?;
-    let spec = BatchSpec {
-        required: columns.required(),
-        optional: columns.values.clone(),
-        outputs: outputs(&columns.values, settings),
-        readings: columns.values.clone(),
-        physical: vec![
-            PhysicalRange { columns: columns.values.clone(), range: POSSIBLE },
-            PhysicalRange::degrees(columns.required()),
-        ],
-        ..BatchSpec::default()
-    };
+    let spec = asked(&columns, settings);
     let chosen: Mutex<BTreeMap<String, String>> = Mutex::default();
     let groups = Groups::read(table, &spec, "leaf")?;
     let tally = groups.run(output, &spec, |name, rows, left| {
@@ -74,6 +66,36 @@ pub fn run(
         progress::say(format!("and {} more leaves", chosen.len() - SPOKEN));
     }
     Ok(tally)
+}
+
+/// What is read of a goniometer table, and what is answered.
+fn asked(columns: &Columns, settings: &GlossFitSettings) -> BatchSpec {
+    BatchSpec {
+        required: columns.required(),
+        optional: columns.values.clone(),
+        outputs: outputs(&columns.values, settings),
+        readings: columns.values.clone(),
+        physical: vec![
+            PhysicalRange { columns: columns.values.clone(), range: POSSIBLE },
+            PhysicalRange::degrees(columns.required()),
+        ],
+        ..BatchSpec::default()
+    }
+}
+
+/// The leaves of a goniometer table with their readings, in the order in which they first appear. Rows that cannot be
+/// used are left out.
+///
+/// # Errors
+/// Those of [`run`] that concern the input.
+pub fn leaves(table: InputTable, values: &[String], settings: &GlossFitSettings) -> Result<Vec<MeasuredGloss>> {
+    let columns = Columns::of(&table, values)?;
+    let groups = Groups::read(table, &asked(&columns, settings), "leaf")?;
+    let of = |(name, rows): (&str, &[GroupRow])| MeasuredGloss {
+        name: name.into(),
+        samples: rows.iter().filter_map(|row| Some(columns.sample(&row.values, settings).ok()?.0)).collect(),
+    };
+    Ok(groups.each().map(of).collect())
 }
 
 /// Output columns of [`answer`] for value columns of these names.

@@ -19,7 +19,7 @@ mod search;
 mod tests;
 mod verdict;
 
-pub use batch::{answer, outputs, run};
+pub use batch::{answer, leaves, outputs, run};
 pub use columns::sample;
 
 use leaf::Leaf;
@@ -36,6 +36,15 @@ pub struct GlossSample {
     pub view: [f64; 3],
     /// Reflectance factors, NaN = no reading.
     pub values: Vec<f64>,
+}
+
+/// A leaf that was read in many directions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredGloss {
+    /// Its name.
+    pub name: String,
+    /// Its readings.
+    pub samples: Vec<GlossSample>,
 }
 
 impl GlossSample {

@@ -116,7 +116,7 @@ fn write(
     record.files.insert("all.exr".into(), hash::file(&map)?);
     record.sections.insert("all".into(), section(picture, found));
     maker.times.traces = [("search".to_string(), found.search.clone()), ("fit".into(), found.fit.trace.clone())].into();
-    maker.finish(&record)
+    maker.finish(record).map(|_| ())
 }
 
 fn section(picture: &PanoramaReadings, found: &PanoramaFit) -> RecordSection {

@@ -108,8 +108,7 @@ fn fit(beams: &Path, blade: &Path, options: &Options, maker: &mut FitMaker) -> R
     folder::describe(&mut record, &measured, &fitted, options, &slab, &differences, truth.as_ref());
     folder::times(&mut maker.times, &fitted, truth.as_ref());
     maker.begin()?;
-    maker.finish(&record)?;
-    Ok(FitOutcome::Done(Box::new(record)))
+    Ok(FitOutcome::Done(maker.finish(record)?))
 }
 
 /// The photographs on the blade: light, geometry, and the readings that count.

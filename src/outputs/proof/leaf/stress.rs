@@ -172,6 +172,7 @@ fn run(case: &Case) -> Result<StressRow> {
         height,
         frames: case.frames,
         passes: case.passes.clone(),
+        positions: Vec::new(),
         noise: case.noise,
         seed: 3,
         model: InteriorModel::Exact,

@@ -16,7 +16,7 @@ fn normal(rng: &mut Pcg64) -> f64 {
 
 /// The oscillator ẍ + γẋ + ω²x = white noise, in time steps of a tenth of the readings' interval. It uses none of the
 /// fit's formulas.
-fn stepped(f: f64, gamma: f64, force: f64, step: f64, n: usize, seed: u64) -> Vec<f64> {
+pub(crate) fn stepped(f: f64, gamma: f64, force: f64, step: f64, n: usize, seed: u64) -> Vec<f64> {
     let mut rng = Pcg64::seed_from_u64(seed);
     // So many steps between readings that each turns the oscillation by less than .03 (rounding of steps is then below
     // 1e-4).

@@ -265,6 +265,7 @@ fn synthesise(fault: &Fault, path: &Path) -> Result<()> {
         height,
         frames: fault.frames,
         passes: vec![Travel::X, Travel::Y],
+        positions: Vec::new(),
         noise: 0.01,
         seed: 5,
         model: InteriorModel::Exact,

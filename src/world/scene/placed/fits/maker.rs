@@ -137,6 +137,7 @@ fn scanned(
         height,
         frames: told.frames.unwrap_or(100),
         passes: vec![Travel::X, Travel::Y],
+        positions: Vec::new(),
         noise: told.noise.unwrap_or(0.01),
         seed: told.seed.unwrap_or(1),
         model: spec.model,
