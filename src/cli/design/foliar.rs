@@ -110,8 +110,8 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let readings = count * args.read.len();
     if readings <= 7 {
         answer.notes.push(format!(
-            "warning: {readings} readings for seven numbers of a leaf: what is not read is taken from the leaves of the \
-             training, and a leaf of another kind would not be seen"
+            "warning: {readings} readings for seven numbers of a leaf: what is not read is taken from the leaves of \
+             the training, and a leaf of another kind would not be seen"
         ));
     }
     answer.chosen =

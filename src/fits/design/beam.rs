@@ -169,8 +169,8 @@ mod tests {
         }
     }
 
-    /// An even load bends a branch of another taper nearly as a load at the tip bends this one, so only precise readings
-    /// tell them apart, and two marks never do.
+    /// An even load bends a branch of another taper nearly as a load at the tip bends this one, so only precise
+    /// readings tell them apart, and two marks never do.
     #[test]
     fn only_precise_marks_tell_the_load() {
         let all: Vec<usize> = (0..40).collect();

@@ -7,7 +7,7 @@ use crate::leaf::held_out::{FrameSplits, HoldOutRule};
 use crate::leaf::{noise, side::SideTransmittance};
 use crate::{Error, Result};
 use mesophyll_base::rgb::Rgb;
-use mesophyll_capture::manifest::{TubeManifest, texel_position};
+use mesophyll_capture::manifest::TubeManifest;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::progress::go_on;
 use mesophyll_files::table::{BatchSpec, Groups, InputTable};
@@ -97,17 +97,17 @@ pub fn of_specification(path: &Path, options: &TubeDesignOptions) -> Result<Tube
     let places =
         passes.flat_map(|(pass, list)| list.into_iter().map(move |position_mm| TubePlace { pass, position_mm }));
     let mut texels = Vec::new();
-    for side in [Side::Front, Side::Back] {
-        let (maps, mask) = (leaf.side(side), leaf.mask_of(side));
-        let on: Vec<usize> = (0..mask.len()).filter(|k| mask[*k] && maps.normal[*k][2] > 0.2).collect();
+    for (side, maps) in leaf.sides.iter() {
+        let mask = leaf.mask_of(side);
+        let on: Vec<usize> = (0..mask.len()).filter(|k| mask[*k] && maps[*k].normal[2] > 0.2).collect();
         for k in some(&on, TEXELS / 2) {
-            let n = maps.normal[k].map(f64::from);
+            let n = maps[k].normal.map(f64::from);
             texels.push(DesignTexel {
-                at_mm: texel_position(leaf.width, leaf.height, leaf.texel_mm, k % leaf.width, k / leaf.width),
+                at_mm: leaf.size.place_mm(leaf.texel_mm, k),
                 truth: GlossFitTruth {
-                    rho_d: maps.rho_d[k].map(f64::from),
-                    rho_s: maps.rho_s[k].map(f64::from),
-                    m: f64::from(maps.m[k]),
+                    rho_d: maps[k].rho_d.0.map(f64::from),
+                    rho_s: [f64::from(maps[k].rho_s); 3],
+                    m: f64::from(maps[k].m),
                     tilt: [n[0].atan2(n[2]), n[1].clamp(-1.0, 1.0).asin()],
                 },
                 noise: device.noise(),

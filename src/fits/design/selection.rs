@@ -2,11 +2,12 @@
 //!
 //! Every candidate reading has rows of the weighted Jacobian (∂value/∂parameter over the reading's standard error), in
 //! every situation that the design is for: a draw of the parameters, or a place of the object. A set of readings S
-//! leaves the covariance V(S) = (P + Σ_S JᵀJ)⁻¹, where P is what is known before any reading. The criterion is the mean,
-//! over situations and wanted parameters, of V(S)_kk / V(all)_kk; or, where the readings themselves are to be predicted,
-//! of their mean variance over that of all. Its square root is how many times larger the errors are than those of all
-//! candidates. A mean over situations keeps a design from resting on one guess of the answer (Chaloner & Verdinelli
-//! 1995, "Bayesian experimental design: a review"; the criterion is a weighted A-optimality, or I-optimality).
+//! leaves the covariance V(S) = (P + Σ_S JᵀJ)⁻¹, where P is what is known before any reading. The criterion is the
+//! mean, over situations and wanted parameters, of V(S)_kk / V(all)_kk; or, where the readings themselves are to be
+//! predicted, of their mean variance over that of all. Its square root is how many times larger the errors are than
+//! those of all candidates. A mean over situations keeps a design from resting on one guess of the answer (Chaloner &
+//! Verdinelli 1995, "Bayesian experimental design: a review"; the criterion is a weighted A-optimality, or
+//! I-optimality).
 //!
 //! Readings are added one by one, each the best at its turn, and then exchanged one for one as long as that helps
 //! (Fedorov 1972, "Theory of optimal experiments"). What no set can beat is found from the convex problem in which a
@@ -147,7 +148,8 @@ impl DesignProblem {
         Some(DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] * scale[i] * scale[j]))
     }
 
-    /// What turns a covariance into its share of the criterion, a situation each. The shares of all candidates sum to 1.
+    /// What turns a covariance into its share of the criterion, a situation each. The shares of all candidates sum to
+    /// one.
     fn weights(&self) -> Option<Vec<DMatrix<f64>>> {
         let p = self.parameters.len();
         let share = 1.0 / self.situations.len() as f64;
