@@ -51,7 +51,7 @@ pub(crate) use mesophyll_base::error::{Error, Result};
     max_term_width = 110,
     after_help = "Exit codes: 0 done (of a table: at least one row was answered), 1 a fit as a whole, a check or every \
                   row of a table missed its mark, or an output could not be written, 2 wrong usage or an input that \
-                  cannot be read, 130 stopped."
+                  cannot be read, 130 stopped.\n\n`mesophyll man glossary` explains words and signs."
 )]
 struct Cli {
     #[command(flatten)]

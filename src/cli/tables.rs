@@ -12,7 +12,7 @@ pub fn help(verb: &str) -> String {
 
 /// Markdown as it is shown in a terminal: tables in aligned columns, blocks of files and commands indented, and no
 /// marks for bold text.
-fn plain(lines: &[&str]) -> String {
+pub(super) fn plain(lines: &[&str]) -> String {
     let mut out = String::new();
     let mut k = 0;
     while k < lines.len() {

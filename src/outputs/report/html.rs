@@ -56,6 +56,7 @@ pub fn render(report: &Report, detail: &ReportDetail) -> Result<String> {
         .collect();
     let page = env.get_template("page").map_err(failed)?;
     page.render(context! {
+        glossary => Serde(crate::glossary::entries()),
         style => Value::from_safe_string(format!("{STYLE}{}", crate::chart::ramps())),
         script => Value::from_safe_string(SCRIPT.into()),
         scales => [colour::sequential(), colour::diverging()].map(colour::listed).to_vec(),

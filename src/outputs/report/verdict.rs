@@ -27,7 +27,7 @@ const COVERAGE_USABLE: std::ops::RangeInclusive<f64> = 0.85..=0.995;
 /// A median error to the truth below this is small, whatever its interval says.
 const CLOSE: f64 = 0.01;
 /// A value with a larger relative error is not called determined (the promise behind `ok` in batch forms).
-const RELATIVE_ERROR: f64 = 0.1;
+const RELATIVE_ERROR: f64 = mesophyll_fits::record::next::DETERMINED;
 /// The same for angles (degrees).
 const ANGLE_ERROR: f64 = 3.0;
 /// Above this condition number of the shared problem, half of the digits of an f64 are lost.
