@@ -5,8 +5,6 @@ use mesophyll_base::error::Error;
 use std::io::{IsTerminal, Write};
 use std::process::{Command, Stdio};
 
-const GLOSSARY: &str = include_str!("../../docs/glossary.md");
-
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   mesophyll man
@@ -16,15 +14,16 @@ const GLOSSARY: &str = include_str!("../../docs/glossary.md");
 In a terminal the page is shown by `man`, where that is there. To keep it, write it into a file:
 `> mesophyll-fit-slab.1`.")]
 pub struct Args {
-    /// The verb, and what follows it: `fit slab`; without one, the page of the whole program. `glossary`: what words and
-    /// signs mean
+    /// The verb, and what follows it: `fit slab`; without one, the page of the whole program. `glossary`: what words
+    /// and signs mean
     #[arg(value_name = "VERB")]
     verb: Vec<String>,
 }
 
 pub fn run(args: &Args) -> Result<u8> {
     if args.verb == ["glossary"] {
-        super::print(&format!("{}\n", super::tables::plain(&GLOSSARY.lines().collect::<Vec<_>>())))?;
+        let page = mesophyll_report::glossary::page();
+        super::print(&format!("{}\n", super::tables::plain(&page.lines().collect::<Vec<_>>())))?;
         return Ok(0);
     }
     let mut page = Vec::new();

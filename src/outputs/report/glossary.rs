@@ -7,7 +7,9 @@ const PAGE: &str = include_str!("glossary.md");
 /// A word and what it means.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GlossaryEntry {
+    /// The word or sign.
     pub word: String,
+    /// What it means, in a sentence or two.
     pub meaning: String,
 }
 
@@ -16,6 +18,11 @@ pub fn entries() -> Vec<GlossaryEntry> {
     let rows = PAGE.lines().filter_map(|line| line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | "));
     let words = rows.filter(|(word, _)| *word != "word");
     words.map(|(word, meaning)| GlossaryEntry { word: plain(word), meaning: plain(meaning) }).collect()
+}
+
+/// The whole page, with its headings and tables but without other marks.
+pub fn page() -> String {
+    plain(PAGE)
 }
 
 /// Markdown without its marks: of a link, its words.

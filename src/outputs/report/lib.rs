@@ -8,7 +8,7 @@ mod chart;
 mod colour;
 mod comparison;
 pub mod figure;
-mod glossary;
+pub mod glossary;
 mod held_out;
 mod html;
 pub mod layers;
