@@ -5,6 +5,7 @@
 #   make goldens draws the golden pictures of every scene anew; only after a deliberate change of a fit or the renderer
 #   make gallery draws the pictures of docs/gallery.md, 1600 pixels wide, under out/gallery/; about an hour on two cores
 #   make gpu     on a machine with a GPU: measures in eight minutes what needs one, into docs/evidence/gpu.csv; needs Python
+#   make evidence measures what docs/evidence/measured.md shows, about half an hour alone on the machine; needs Python
 #   make book    the pages of docs/ and data/ as a book, out/book/html/index.html; needs mdbook
 #   make web     the viewer as a page for browsers, out/web/; docs/web.md says how scenes get there
 #   make wheel   the Python package, under target/wheels/; `pip install target/wheels/*.whl` installs it
@@ -14,7 +15,7 @@
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits goldens gallery gpu book web notices build wheel setup setup-test fmt lint
+.PHONY: demo full test fits goldens gallery gpu evidence book web notices build wheel setup setup-test fmt lint
 
 # Says how the program ended and where to look, and ends with the program's exit code, which the shell has in `code`.
 # $(1) is the report.
@@ -59,6 +60,9 @@ fits: build
 
 gpu: build
 	.ci/gpu $(MESOPHYLL) docs/evidence/gpu.csv
+
+evidence: build
+	.ci/evidence $(MESOPHYLL) docs/evidence/measured.csv
 
 goldens: build
 	rm -f data/scenes/golden/*.png
