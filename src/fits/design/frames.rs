@@ -104,7 +104,7 @@ fn of_side(capture: &TubeCapture, level: &CameraNoise, side: &LeafSideFit) -> Ve
             tilt: [normal[0].atan2(normal[2]), normal[1].clamp(-1.0, 1.0).asin()],
         };
         let finite = truth.rho_d.iter().chain(&truth.rho_s).chain([&truth.m]).all(|v| v.is_finite());
-        let at_mm = capture.manifest.texel_position(k % width, k / width);
+        let at_mm = capture.manifest.texel_position([k % width, k / width].map(|n| n as u32));
         (finite && truth.rho_s.iter().all(|v| *v > 0.0)).then_some(DesignTexel { at_mm, truth, noise })
     };
     at.into_iter().zip(noise).filter_map(texel).collect()

@@ -175,9 +175,9 @@ fn fitted(
         let read = |travel| capture.band(side, travel, j..j + 1, &at, &splits.of(travel).kept);
         let (x, y) = (read(Travel::X)?, read(Travel::Y)?);
         for (n, noise) in level.readings(capture, &at).into_iter().enumerate() {
-            let trace = |band: &[Vec<[f32; 3]>]| band.iter().map(|frame| frame[n]).collect::<Vec<_>>();
+            let trace = |band: &[Vec<Rgb<f32>>]| band.iter().map(|frame| frame[n].0).collect::<Vec<_>>();
             let second = (!y.is_empty()).then(|| trace(&y));
-            let place = capture.manifest.texel_position(at[n][0] as usize, j);
+            let place = capture.manifest.texel_position(at[n]);
             let fit = fitter.fit_under(&noise, &mut fitter.workspace(), place, &trace(&x), second.as_deref());
             if fit.defect.is_none() && fit.undetermined.is_empty() && fit.rho_d.iter().all(|v| v.is_finite()) {
                 let truth = GlossFitTruth { rho_d: fit.rho_d, rho_s: fit.rho_s, m: fit.m, tilt: fit.tilt };
