@@ -11,14 +11,13 @@ mod radiance;
 #[cfg(test)]
 mod tests;
 
+pub use crate::quantity::RGB;
+
 use crate::image::{ChannelMaps, ExrPart, exr_parts, read_exr_part};
 use crate::{Error, Result, memory, progress};
 use glam::DVec3;
 use primaries::Primaries;
 use std::path::Path;
-
-/// Names of the colours' channels.
-pub const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// A picture, and what was done to it.
 #[derive(Debug, Clone, PartialEq)]

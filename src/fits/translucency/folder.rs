@@ -15,10 +15,8 @@ use crate::record::{FitParameter, FitRecord, RecordSection};
 use crate::translucency::Result;
 use mesophyll_base::statistics::upper_quantile;
 use mesophyll_files::image::{ChannelMaps, Packing, to_srgb8, write_exr, write_png};
-use mesophyll_files::quantity::Quantity;
+use mesophyll_files::quantity::{Quantity, RGB};
 use std::path::Path;
-
-const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// What a part holds: the files of one side and its section. The parts of a stopped run are reused only where this is
 /// the same.

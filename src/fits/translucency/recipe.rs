@@ -5,12 +5,11 @@ use super::tissue::{self, LightEntry};
 use super::{Options, TexelArea, TranslucencyColour};
 use crate::record::FitRecord;
 use crate::translucency::{Error, Result};
+use mesophyll_files::quantity::RGB;
 use mesophyll_optics::dipole::{DipoleForm, Tissue};
 use mesophyll_optics::side::Side;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// What the light of one map depends on, besides the leaf and its tissue.
 #[derive(Debug, Clone, PartialEq)]

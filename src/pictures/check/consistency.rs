@@ -37,8 +37,8 @@ const OUTLINE: f64 = 0.9;
 pub fn contradictions(leaf: LoadedLeaf, ledger: &Ledger) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let Some(fitted) = &leaf.placed.fitted else { return Ok(out) };
-    for (s, side) in Side::ALL.into_iter().enumerate() {
-        if !(leaf.plan.sides[s].any() || leaf.plan.sides[s].mean) {
+    for (side, needs) in Side::ALL.into_iter().zip(&leaf.plan.sides) {
+        if !(needs.any() || needs.mean) {
             continue;
         }
         let path = fitted.path(LeafFitFile::Maps, side);
@@ -62,7 +62,7 @@ pub fn contradictions(leaf: LoadedLeaf, ledger: &Ledger) -> Result<Vec<String>> 
             }
         }
         if let Some(mesh) = leaf.placed.mesh.as_ref().filter(|_| leaf.placed.mesh_path.starts_with(&fitted.folder)) {
-            for what in shape(fitted, leaf, s, maps, mesh)? {
+            for what in shape(fitted, side, needs.normal, maps, mesh)? {
                 say(what);
             }
         }
@@ -108,14 +108,14 @@ fn interior(fitted: &LeafFit, side: Side, maps: &ChannelMaps, good: &[usize]) ->
     Ok(out)
 }
 
-/// Compares normals and mask with the blade.
-fn shape(fitted: &LeafFit, leaf: LoadedLeaf, s: usize, maps: &ChannelMaps, mesh: &LeafMesh) -> Result<Vec<String>> {
+/// Compares the mask with the blade, and the normals where they are `needed`.
+fn shape(fitted: &LeafFit, side: Side, needed: bool, maps: &ChannelMaps, mesh: &LeafMesh) -> Result<Vec<String>> {
     let mut out = Vec::new();
     let (w, h) = (maps.width, maps.height);
-    let path = fitted.folder.join(BLADE);
+    let (path, blade) = (fitted.path(LeafFitFile::Maps, side), fitted.folder.join(BLADE));
     let covered = frames::covered(mesh, w, h);
-    let column = |k: usize| Side::ALL[s].in_front(k, w);
-    let mask = maps.require_scalar(&fitted.path(LeafFitFile::Maps, Side::ALL[s]), Quantity::Mask)?;
+    let column = |k: usize| side.in_front(k, w);
+    let mask = maps.require_scalar(&path, Quantity::Mask)?;
     let (mut both, mut either) = (0usize, 0usize);
     for (k, m) in mask.iter().enumerate() {
         both += usize::from(*m != 0.0 && covered[column(k)]);
@@ -125,18 +125,18 @@ fn shape(fitted: &LeafFit, leaf: LoadedLeaf, s: usize, maps: &ChannelMaps, mesh:
     if common < OUTLINE {
         out.push(format!("its mask and the outline of blade.glb have {:.1} % in common", 100.0 * common));
     }
-    if !leaf.plan.sides[s].normal {
+    if !needed {
         return Ok(out);
     }
-    let normals = packing::normals(&fitted.path(LeafFitFile::Maps, Side::ALL[s]), maps)?;
-    let frames = frames::frames(&path, mesh, w, h)?;
+    let normals = packing::normals(&path, maps)?;
+    let frames = frames::frames(&blade, mesh, w, h)?;
     let on: Vec<usize> = (0..w * h).filter(|&k| mask[k] > 0.0 && covered[column(k)]).collect();
     // The blade's relief comes from these normals. If they are mirrored, they lean against it.
     let (mut with, mut against) = ([0.0; 2], [0.0; 2]);
     for &k in &on {
         let of_mesh = frames[column(k)][2];
         // The back's own normal is the mesh's turned over, (−x, −y, −z), seen after a turn about y: (x, −y, z).
-        let seen = [of_mesh.x, if s == 1 { -of_mesh.y } else { of_mesh.y }];
+        let seen = [of_mesh.x, if side == Side::Back { -of_mesh.y } else { of_mesh.y }];
         for axis in 0..2 {
             let (a, b) = (f64::from(normals[k][axis]), seen[axis]);
             with[axis] += (a - b).powi(2);

@@ -14,7 +14,7 @@ use mesophyll_base::statistics::median_of;
 use mesophyll_capture::beams::BeamsCapture;
 use mesophyll_capture::dome::noise;
 use mesophyll_files::image::{read_exr, read_exr_rows};
-use mesophyll_files::quantity::Quantity;
+use mesophyll_files::quantity::{Quantity, RGB};
 use mesophyll_optics::side::Side;
 use mesophyll_optics::side::mirror;
 use mesophyll_optics::translucency::horizon::Horizon;
@@ -68,8 +68,6 @@ impl Default for Options {
 /// What a synthetic capture was made from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TissueFitTruth(pub TissueCoefficients);
-
-const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Fits the tissue of the photographs in `beams` on the blade of the leaf fit `blade` into the folder `out`.
 ///
