@@ -115,7 +115,7 @@ pub(crate) fn scatter(folder: &Path) -> Vec<(String, f64)> {
     let reduced = reduce(folder, &PhotoManifest::read(folder).unwrap()).unwrap();
     let mut found = Vec::new();
     for side in [Side::Front, Side::Back] {
-        let maps = reduced.side(side);
+        let maps = &reduced.sides[side];
         let truth = read_exr(&folder.join(format!("truth/{}.exr", side.name()))).unwrap();
         let plane = |name: &str| truth.get(name).unwrap();
         let on_texels = |plane: &dyn Fn(usize) -> f64, k: usize| {

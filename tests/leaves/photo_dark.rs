@@ -34,7 +34,7 @@ fn a_leaf_as_dark_as_the_sheet_has_the_outline_of_the_light_table() {
         let folder = photographs(dir.path(), factor);
         let found = reduce(&folder, &PhotoManifest::read(&folder).unwrap()).unwrap();
         for side in [Side::Front, Side::Back] {
-            assert_eq!(found.side(side).figures["outline_of_light_table"], 1.0, "{factor} {}", side.name());
+            assert_eq!(found.sides[side].figures["outline_of_light_table"], 1.0, "{factor} {}", side.name());
         }
         // The truth has the pixels of the front's picture. Texels that lie wholly on the leaf, or wholly beside it:
         let truth = read_exr(&folder.join("truth/front.exr")).unwrap();

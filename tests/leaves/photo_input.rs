@@ -11,8 +11,7 @@ use std::path::Path;
 /// Changes that leave a good capture good: what comes out is still right.
 #[test]
 fn what_people_do_is_not_refused() {
-    let overlap =
-        |folder: &Path| reduce(folder, &PhotoManifest::read(folder).unwrap()).unwrap().back.figures["outline_overlap"];
+    let overlap = |folder: &Path| reduce(folder, &PhotoManifest::read(folder).unwrap()).unwrap().sides.back.figures["outline_overlap"];
     let good = overlap(&made().1);
     // A white ruler that is larger than the leaf lies in the back's picture as well, wholly inside or up to its border.
     for right in [196, 200] {
@@ -35,9 +34,11 @@ fn what_people_do_is_not_refused() {
             rows(f, "table_leaf.exr", |r| r.iter_mut().for_each(|v| *v *= drift));
             let [before, after] = [&made().1, f].map(|f| {
                 let reduced = reduce(f, &PhotoManifest::read(f).unwrap()).unwrap();
-                let good = |k: &usize| reduced.front.status[*k] == 1;
-                let list: Vec<f64> =
-                    (0..reduced.front.status.len()).filter(good).map(|k| reduced.front.rho_t[k][1]).collect();
+                let good = |k: &usize| reduced.sides.front.status[*k] == 1;
+                let list: Vec<f64> = (0..reduced.sides.front.status.len())
+                    .filter(good)
+                    .map(|k| reduced.sides.front.rho_t[k][1])
+                    .collect();
                 list.iter().sum::<f64>() / list.len() as f64
             });
             assert!((after / before - 1.0).abs() < 2e-3, "{drift}: {before} {after}");
@@ -61,7 +62,7 @@ fn the_back_may_lie_up_on_the_table() {
         }
         let after = reduce(f, &PhotoManifest::read(f).unwrap()).unwrap();
         for side in [Side::Front, Side::Back] {
-            let (a, b) = (before.side(side), after.side(side));
+            let (a, b) = (&before.sides[side], &after.sides[side]);
             assert!(a.rho_t_seen && b.rho_t_seen);
             let same = |a: &[Rgb], b: &[Rgb]| {
                 a.iter()
@@ -74,10 +75,10 @@ fn the_back_may_lie_up_on_the_table() {
         // With the back up alone, the front's ρt is what was seen of the back, mirrored.
         toml(f, "turned = \"table_leaf.exr\"\n", "");
         let alone = reduce(f, &PhotoManifest::read(f).unwrap()).unwrap();
-        assert!(alone.back.rho_t_seen && !alone.front.rho_t_seen);
+        assert!(alone.sides.back.rho_t_seen && !alone.sides.front.rho_t_seen);
         let w = alone.width;
-        for k in (0..alone.mask.len()).filter(|&k| alone.front.status[k] == 1) {
-            let (front, back) = (alone.front.rho_t[k], alone.back.rho_t[k / w * w + w - 1 - k % w]);
+        for k in (0..alone.mask.len()).filter(|&k| alone.sides.front.status[k] == 1) {
+            let (front, back) = (alone.sides.front.rho_t[k], alone.sides.back.rho_t[k / w * w + w - 1 - k % w]);
             assert_eq!(front, back);
         }
         // A leaf that lies the other way than stated is refused.
@@ -109,7 +110,7 @@ fn png_and_tiff_are_reduced_as_exr() {
         }
         let after = reduce(f, &PhotoManifest::read(f).unwrap()).unwrap();
         for side in [Side::Front, Side::Back] {
-            let (a, b) = (before.side(side), after.side(side));
+            let (a, b) = (&before.sides[side], &after.sides[side]);
             assert_eq!(a.status, b.status);
             let off = |a: &[Rgb], b: &[Rgb], err: &[Rgb], good: &[i16]| {
                 let good = (0..a.len()).filter(|&k| good[k] == 1).flat_map(|k| [0, 1, 2].map(|c| (k, c)));
@@ -147,7 +148,7 @@ fn noise_is_measured_on_the_card() {
     let measured = reduce(&folder, &PhotoManifest::read(&folder).unwrap()).unwrap();
     assert!(stated.noise.stated && !measured.noise.stated);
     for side in [Side::Front, Side::Back] {
-        let (a, b) = (stated.side(side), measured.side(side));
+        let (a, b) = (&stated.sides[side], &measured.sides[side]);
         let mean = |of: &dyn Fn(usize) -> f64| {
             let good: Vec<f64> = (0..a.status.len()).filter(|&k| a.status[k] == 1).map(of).collect();
             good.iter().sum::<f64>() / good.len() as f64

@@ -95,7 +95,7 @@ fn fit(folder: &Path, force: bool, maker: &mut FitMaker) -> Result<FitOutcome> {
 
 /// The interior of one side.
 fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: Side) -> Result<PhotoSideFit> {
-    let seen = reduced.side(side);
+    let seen = &reduced.sides[side];
     let [h, h_err] = manifest.thickness();
     let mut status = seen.status.clone();
     let texel = |k: usize| LeafWideTexel {
@@ -204,7 +204,7 @@ fn share(
             let (d, t) = (mean(&|x| x.rho_d[c]), mean(&|x| x.rho_t[c]));
             let moved = |t: f64| inverse::invert(d, t, h, 1e-4, 1e-4);
             // Half the difference between a ρt that is one common error too high and one that is too low.
-            let step = reduced.side(side.side).rho_t_shared[c].min(0.5);
+            let step = reduced.sides[side.side].rho_t_shared[c].min(0.5);
             let (up, down) = (moved(t * (1.0 + step)), moved(t * (1.0 - step)));
             for (q, [u, v]) in [[up.sigma_a, down.sigma_a], [up.sigma_s, down.sigma_s]].into_iter().enumerate() {
                 let by_table = 0.5 * (u / v).ln().abs();

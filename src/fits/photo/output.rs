@@ -53,7 +53,7 @@ pub fn write(
     // Open shade shows no normals, so the blade is flat.
     let flat = vec![Some([0.0; 2]); grid.width * grid.height];
     let through: Vec<Rgb<f32>> =
-        reduced.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
+        reduced.sides.front.rho_t.iter().map(|t| t.map(|v| if v.is_finite() { v as f32 } else { 1.0 })).collect();
     if let Some(blade) = mesh::build(&grid, &reduced.mask, Some(&through), &flat) {
         glb::write(&out.join(BLADE), &manifest.name, &blade)?;
         let figures = [("blade_area_mm2", blade.area), ("blade_vertices", blade.positions.len() as f64)];
@@ -97,7 +97,7 @@ fn describe(manifest: &PhotoManifest, reduced: &PhotoMaps, record: &mut FitRecor
         "noise",
         format!("variance of the mean of n pixels: ({photon} v + {:.3e})/n{measured}", reduced.noise.read.powi(2)),
     );
-    let seen = [Side::Front, Side::Back].into_iter().filter(|s| reduced.side(*s).rho_t_seen).map(Side::name);
+    let seen = reduced.sides.iter().filter(|(_, maps)| maps.rho_t_seen).map(|(side, _)| side.name());
     say("rho_t", format!("seen on the light table: {}", seen.collect::<Vec<_>>().join(", ")));
     say("lobe", "Beckmann".into());
     say(
@@ -115,7 +115,7 @@ fn maps(
     fitted: &PhotoSideFit,
 ) -> (ChannelMaps, ChannelMaps) {
     let n = grid.width * grid.height;
-    let side = reduced.side(fitted.side);
+    let side = &reduced.sides[fitted.side];
     let good: Vec<bool> = fitted.status.iter().map(|s| *s == 1).collect();
     let source = filling::sources(&good, grid.width, grid.height);
     let mut place = vec![0usize; n];
@@ -224,7 +224,7 @@ fn section(manifest: &PhotoManifest, reduced: &PhotoMaps, fitted: &PhotoSideFit)
     );
     s.condition = Some(wide.condition);
     s.rank = Some(wide.rank);
-    let side = reduced.side(fitted.side);
+    let side = &reduced.sides[fitted.side];
     s.figures = side.figures.iter().map(|(n, v)| (n.to_string(), *v)).collect();
     for (c, letter) in ["R", "G", "B"].into_iter().enumerate() {
         s.figures.insert(format!("rho_d_err_shared.{letter}"), side.shared[c]);

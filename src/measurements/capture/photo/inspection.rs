@@ -50,19 +50,19 @@ pub fn inspect(folder: &Path) -> PhotoInspection {
             found.texels = Some((r.width, r.height, r.texel_mm));
             found.leaf_texels = Some(r.mask.iter().filter(|m| **m).count());
             for side in [Side::Front, Side::Back] {
-                found.figures.insert(side.name(), r.side(side).figures.clone());
-                if r.side(side).figures.get("light_blocks").is_some_and(|n| *n < 18.0) {
+                found.figures.insert(side.name(), r.sides[side].figures.clone());
+                if r.sides[side].figures.get("light_blocks").is_some_and(|n| *n < 18.0) {
                     let what = "the sheet shows too little of itself to say how even the light is; 5 % are assumed";
                     found.warnings.push(format!("{}: {what}", side.name()));
                 }
             }
-            if [&r.front, &r.back].iter().any(|s| s.figures.get("turn_doubtful").is_some_and(|d| *d > 0.0)) {
+            if r.sides.iter().any(|(_, s)| s.figures.get("turn_doubtful").is_some_and(|d| *d > 0.0)) {
                 let what = "the outline fits after a large turn as well, and the texture does not say which is \
                             right; make sure that the leaf lies the same way in all pictures";
                 found.warnings.push(what.into());
             }
             for side in [Side::Front, Side::Back] {
-                if r.side(side).figures.get(DARK).is_some_and(|d| *d > 0.0) {
+                if r.sides[side].figures.get(DARK).is_some_and(|d| *d > 0.0) {
                     let what = "nearly as dark as the sheet; its outline is that of the light table, laid over the \
                                 place that differs from the sheet";
                     found.notes.push(format!("{}: {what}", side.name()));

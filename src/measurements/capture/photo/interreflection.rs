@@ -15,6 +15,7 @@ use super::diffuse::over_normal;
 use super::gloss::Gloss;
 use super::manifest::PhotoManifest;
 use mesophyll_base::rgb::Rgb;
+use mesophyll_optics::side::{Side, Sides};
 
 /// Rounds; each leaves a tenth of the change of the last one at most.
 const ROUNDS: usize = 8;
@@ -30,8 +31,8 @@ pub(super) struct Seen {
     pub shade_err: f64,
     /// Leaf on the light table over bare table.
     pub table: Rgb,
-    /// The side that faced the camera then, 0 for the front: this side, or the other one where it alone was seen.
-    pub up: usize,
+    /// The side that faced the camera then: this side, or the other one where it alone was seen.
+    pub up: Side,
 }
 
 /// What the other light adds to a side.
@@ -48,35 +49,36 @@ pub(super) struct Returned {
 }
 
 /// What is returned for front and back.
-pub(super) fn returned(m: &PhotoManifest, seen: [Seen; 2], gloss: [&Gloss; 2]) -> [Returned; 2] {
+pub(super) fn returned(m: &PhotoManifest, seen: &Sides<Seen>, gloss: &Sides<Gloss>) -> Sides<Returned> {
     let (r, r_err, sheet) = (m.light_table.reflectance, m.light_table.reflectance_err, m.background.reflectance);
-    let mut found = [Returned::default(); 2];
+    let mut found = Sides::<Returned>::default();
     for c in 0..3 {
         // Light from all sides that each side reflects, and its standard error.
-        let mut all_round = [[0.0; 2]; 2];
+        let mut all_round = Sides::<[f64; 2]>::default();
         for _ in 0..ROUNDS {
             let last = all_round;
-            for s in 0..2 {
-                let [under, below] = [1 - seen[s].up, 1 - s].map(|s| last[s][0]);
-                let t = seen[s].table[c] * (1.0 - r * under);
-                found[s].table[c] = r * under / (1.0 - r * under);
-                let by_sheet = found[s].sheet[c] * t * t;
-                let d = (seen[s].shade[c] - gloss[s].normal.share - by_sheet).max(0.0);
+            for (side, found) in found.iter_mut() {
+                let (seen, gloss) = (&seen[side], &gloss[side]);
+                let [under, below] = [seen.up.other(), side.other()].map(|s| last[s][0]);
+                let t = seen.table[c] * (1.0 - r * under);
+                found.table[c] = r * under / (1.0 - r * under);
+                let by_sheet = found.sheet[c] * t * t;
+                let d = (seen.shade[c] - gloss.normal.share - by_sheet).max(0.0);
                 let [up, down] = over_normal(d, t);
-                found[s].sheet[c] = sheet * down / (1.0 - sheet * below);
+                found.sheet[c] = sheet * down / (1.0 - sheet * below);
                 let slab = up * d;
-                let by_gloss = gloss[s].moves - up * gloss[s].normal.stderr;
-                let err = by_gloss.hypot(gloss[s].all_round_err).hypot(slab * seen[s].shade_err).hypot(MEAN * slab);
-                all_round[s] = [(slab + gloss[s].all_round).min(0.99), err];
+                let by_gloss = gloss.moves - up * gloss.normal.stderr;
+                let err = by_gloss.hypot(gloss.all_round_err).hypot(slab * seen.shade_err).hypot(MEAN * slab);
+                all_round[side] = [(slab + gloss.all_round).min(0.99), err];
             }
         }
-        for s in 0..2 {
-            let [under, err] = all_round[1 - seen[s].up];
+        for (side, found) in found.iter_mut() {
+            let [under, err] = all_round[seen[side].up.other()];
             // How far light spreads in the table before it returns is not known. All of it was taken off; anything
             // between none and all of it may be missing, which is r/√3 off in the mean square.
             let spread = r / 3f64.sqrt();
-            found[s].table_err[c] = (under * r_err).hypot(under * spread).hypot(r * err) / (1.0 - r * under);
-            found[s].all_round[c] = all_round[s][0];
+            found.table_err[c] = (under * r_err).hypot(under * spread).hypot(r * err) / (1.0 - r * under);
+            found.all_round[c] = all_round[side][0];
         }
     }
     found
@@ -107,7 +109,7 @@ mod tests {
         let m: PhotoManifest = toml::from_str(text).unwrap();
         let (sigma_a, sigma_s, h) = ([20.0, 3.0, 12.0], [4.0, 14.0, 9.0], 0.15);
         let (mirrored, all_round) = (0.028, 0.0768);
-        let mut seen = Seen { shade: Rgb::default(), shade_err: 0.0, table: Rgb::default(), up: 0 };
+        let mut seen = Seen { shade: Rgb::default(), shade_err: 0.0, table: Rgb::default(), up: Side::Front };
         let mut truth = Vec::new();
         for c in 0..3 {
             let at = |mu: f64| response_at(mu, sigma_a[c], sigma_s[c], h);
@@ -125,7 +127,8 @@ mod tests {
         }
         let normal = Highlight { share: mirrored, stderr: 0.0, at_most: 1.0, stated: true };
         let gloss = Gloss { normal, all_round, moves: 0.0, all_round_err: 0.0 };
-        for found in returned(&m, [seen, Seen { up: 1, ..seen }], [&gloss; 2]) {
+        let seen_both = Sides { front: seen, back: Seen { up: Side::Back, ..seen } };
+        for (_, found) in returned(&m, &seen_both, &Sides { front: gloss, back: gloss }).iter() {
             for (c, (slab, under)) in truth.iter().enumerate() {
                 let t = seen.table[c] / (1.0 + found.table[c]);
                 let d = seen.shade[c] - mirrored - found.sheet[c] * t * t;

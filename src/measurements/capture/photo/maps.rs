@@ -4,7 +4,7 @@ use super::noise::SensorNoise;
 use super::ruler::PictureScale;
 use crate::dome::highlight::Highlight;
 use mesophyll_base::rgb::Rgb;
-use mesophyll_optics::side::Side;
+use mesophyll_optics::side::Sides;
 use std::collections::BTreeMap;
 
 /// One side, row-major as its camera saw it; NaN off the leaf.
@@ -51,20 +51,8 @@ pub struct PhotoMaps {
     pub step: usize,
     /// Texels on the leaf in every picture, in the front's columns.
     pub mask: Vec<bool>,
-    /// The front's maps.
-    pub front: PhotoSideMaps,
-    /// The back's maps, in its own columns.
-    pub back: PhotoSideMaps,
+    /// The maps of both sides, each in its own columns.
+    pub sides: Sides<PhotoSideMaps>,
     /// The camera's noise in the front's picture.
     pub noise: SensorNoise,
-}
-
-impl PhotoMaps {
-    /// One side's maps.
-    pub fn side(&self, side: Side) -> &PhotoSideMaps {
-        match side {
-            Side::Front => &self.front,
-            Side::Back => &self.back,
-        }
-    }
 }

@@ -27,7 +27,7 @@ use crate::photo::Result;
 use mesophyll_base::rgb::Rgb;
 use mesophyll_base::statistics::median_of;
 use mesophyll_optics::defect::{Defect, GOOD};
-use mesophyll_optics::side::{Side, mirror};
+use mesophyll_optics::side::{Side, Sides, mirror};
 use std::path::Path;
 
 /// Figure: 1 where a side is nearly as dark as the sheet, so that its outline is that of the light table.
@@ -133,13 +133,12 @@ pub fn reduce(folder: &Path, m: &PhotoManifest) -> Result<PhotoMaps> {
     let inner: Vec<bool> = mask.iter().zip(&edge).map(|(m, e)| *m && !e).collect();
     // A leaf that is all edge has no good texel, but its figures are still told.
     let inner = if inner.contains(&true) { inner } else { mask.clone() };
-    let lit = [front, back];
+    let lit = Sides { front, back };
     let (gloss, light) = behind(m, &lit, &views, &inner);
-    let [front, back] = lit;
     let texels = LeafTexels { grid: &grid, scale, mask: &mask, edge: &edge };
-    let of = |side, lit, s: usize, found| finished(m, texels, lit, found, views.of(side), &gloss[s], &light[s]);
-    let mut front = of(Side::Front, front, 0, None);
-    let mut back = of(Side::Back, back, 1, Some(&back_chosen));
+    let of = |side, lit, found| finished(m, texels, lit, found, views.of(side), &gloss[side], &light[side]);
+    let mut front = of(Side::Front, lit.front, None);
+    let mut back = of(Side::Back, lit.back, Some(&back_chosen));
     name_energy(&mut front, &mut back);
     for (side, dark) in [(&mut front, dark.is_some()), (&mut back, rough)] {
         side.figures.insert(DARK, f64::from(u8::from(dark)));
@@ -156,8 +155,7 @@ pub fn reduce(folder: &Path, m: &PhotoManifest) -> Result<PhotoMaps> {
         origin: grid.origin,
         step: grid.step,
         mask,
-        front,
-        back,
+        sides: Sides { front, back },
         noise,
     })
 }
@@ -184,27 +182,26 @@ fn noise_on(
 }
 
 /// Both sides' gloss, and the light between the leaf and what lies behind it.
-fn behind(m: &PhotoManifest, lit: &[Lit; 2], views: &Views, inner: &[bool]) -> ([Gloss; 2], [Returned; 2]) {
-    let sides = [Side::Front, Side::Back];
-    let seen = [0, 1].map(|s: usize| {
-        let (view, own) = views.of(sides[s]);
-        let up = if own { s } else { 1 - s };
-        let (shade, table) = (mean(&lit[s].value, inner), mean(&view.value, inner));
-        Seen { shade, shade_err: lit[s].alike, table, up }
+fn behind(m: &PhotoManifest, lit: &Sides<Lit>, views: &Views, inner: &[bool]) -> (Sides<Gloss>, Sides<Returned>) {
+    let seen = Sides::of(|side| {
+        let (view, own) = views.of(side);
+        let up = if own { side } else { side.other() };
+        let (shade, table) = (mean(&lit[side].value, inner), mean(&view.value, inner));
+        Seen { shade, shade_err: lit[side].alike, table, up }
     });
     // The bound on gloss is what a side shows without what the sheet adds, and that depends on the gloss in turn, by a
     // share of a share. So it is taken twice.
-    let glosses = |by_sheet: [Rgb; 2]| {
-        [0, 1].map(|s: usize| {
-            let own = lit[s].value.iter().map(|v| *v - by_sheet[s]);
-            gloss(m, sides[s], &own.collect::<Vec<_>>(), &lit[s].noise, inner)
+    let glosses = |by_sheet: Sides<Rgb>| {
+        Sides::of(|side| {
+            let own = lit[side].value.iter().map(|v| *v - by_sheet[side]);
+            gloss(m, side, &own.collect::<Vec<_>>(), &lit[side].noise, inner)
         })
     };
-    let first = glosses([Rgb::default(); 2]);
-    let light = returned(m, seen, [&first[0], &first[1]]);
-    let rho_t = |s: usize| seen[s].table / (1.0 + light[s].table);
-    let gloss = glosses([0, 1].map(|s: usize| light[s].sheet * rho_t(s).map(|t| t.powi(2))));
-    let light = returned(m, seen, [&gloss[0], &gloss[1]]);
+    let first = glosses(Sides::default());
+    let light = returned(m, &seen, &first);
+    let rho_t = |side: Side| seen[side].table / (1.0 + light[side].table);
+    let gloss = glosses(Sides::of(|side| light[side].sheet * rho_t(side).map(|t| t.powi(2))));
+    let light = returned(m, &seen, &gloss);
     (gloss, light)
 }
 
