@@ -330,7 +330,7 @@ class OneKind(Folder):
         ]
         for found in some:
             self.assertIsInstance(found, mp.Result)
-            told = json.loads(json.dumps(found.to_dict()))
+            told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
             self.assertEqual(set(told), {"status", "params", "values", "undetermined", "notes", "folder"})
             for name, param in found.params.items():
                 self.assertEqual((param.name, np.shape(param.value)), (name, np.shape(param.stderr)))

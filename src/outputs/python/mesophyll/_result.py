@@ -91,7 +91,7 @@ class Parameter:
         return text if np.ndim(self.undetermined) or not self.undetermined else f"{text} ({self.undetermined})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers, lists and strings; a number that is not known is None."""
+        """The same as plain numbers, lists and strings, ready for JSON; a number that is not finite is None."""
         told = {"value": self.value, "stderr": self.stderr, "unit": self.unit, "undetermined": self.undetermined}
         return {name: plain(value) for name, value in told.items()}
 
@@ -206,7 +206,7 @@ class Result(MutableMapping[str, Any]):
         return {name: why for name, why in reasons.items() if np.any(np.asarray(why) != "")}
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers, lists and strings; a number that is not known is None."""
+        """The same as plain numbers, lists and strings, ready for JSON; a number that is not finite is None."""
         told: dict[str, Any] = {"status": plain(self.get("status", "ok"))}
         told["params"] = {name: param.to_dict() for name, param in self.params.items()}
         known = set(self.params) | {f"{name}_err" for name in self.params} | {"status"}
@@ -297,14 +297,14 @@ def reason(status: str, name: str, names: Iterable[str]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Numbers, lists and strings of Python; NaN is None."""
+    """Numbers, lists and strings of Python, as JSON has them; what is not finite is None."""
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [plain(v) for v in value]
-    return None if isinstance(value, float) and np.isnan(value) else value
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def floats(value: ArrayLike | None, name: str) -> Floats:
