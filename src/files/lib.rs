@@ -16,6 +16,7 @@ pub mod numbers;
 pub mod picture;
 pub mod progress;
 pub mod quantity;
+pub mod spectra;
 pub mod standard_output;
 pub mod table;
 pub mod unit;

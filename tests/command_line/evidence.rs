@@ -45,7 +45,8 @@ fn the_page_of_the_gpu_shows_the_rows_of_its_table() {
 
 #[test]
 fn the_page_of_what_is_measured_shows_the_rows_of_its_table() {
-    let facts = |row: &BTreeMap<String, String>| format!(" {}; commit {}, {}.", row["processor"], row["commit"], row["date"]);
+    let facts =
+        |row: &BTreeMap<String, String>| format!(" {}; commit {}, {}.", row["processor"], row["commit"], row["date"]);
     shows("measured.csv", 100, "`.ci/evidence --page docs/evidence/measured.csv`", facts);
 }
 

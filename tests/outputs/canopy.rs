@@ -83,6 +83,89 @@ fn a_closed_canopy_meets_its_closed_form() {
     }
 }
 
+/// The plates again, at many wavelengths at once: leaf and ground have spectra, black and white bands beside each other,
+/// and what no row has lies on straight lines.
+#[test]
+fn bands_of_a_closed_canopy_meet_their_closed_forms() {
+    let dir = tempfile::tempdir().unwrap();
+    discs(dir.path(), "upper.txt", &[[3.0, 0.2, 0.1, 2.0, 0.0, 0.0, 1.0]]);
+    std::fs::write(dir.path().join("at.txt"), "0 0 0\n").unwrap();
+    let leaf = "wavelength_nm,R,T\n450,0,0\n550,0.1,0.05\n850,0.6,0.4\n950,0.3,0.2\n";
+    let soil = "wavelength_nm,albedo\n400,0.1\n800,0.3\n850,1\n950,0\n";
+    std::fs::write(dir.path().join("leaf.csv"), leaf).unwrap();
+    std::fs::write(dir.path().join("soil.csv"), soil).unwrap();
+    let scene = canopy(dir.path(), 1.0, &[("plate", "upper.txt", "at.txt", 0.4, 0.35)], 0.3, 40.0);
+    let plain = std::fs::read_to_string(&scene).unwrap();
+    let (before, after) = plain.split_once("uniform = {").unwrap();
+    let after = after.split_once("}\n").unwrap().1;
+    let text = format!("{before}uniform = {{ spectrum = \"leaf.csv\" }}\n{after}");
+    let text = text.replace("albedo = [0.3, 0.3, 0.3]", "spectrum = \"soil.csv\"");
+    std::fs::write(&scene, &text).unwrap();
+    let directions = dir.path().join("d.csv");
+    std::fs::write(&directions, "view_zenith_deg,view_azimuth_deg\n0,0\n55,130\n").unwrap();
+    let args = |scene: &Path, bands: &str| -> Vec<String> {
+        let scene = scene.to_str().unwrap();
+        let directions = directions.to_str().unwrap();
+        ["eval", "canopy", scene, "--directions", directions, "--samples", "16384", "--bands", bands]
+            .map(String::from)
+            .to_vec()
+    };
+    let output = run(args(&scene, "850,450,700,950"));
+    succeeded(&output);
+    let names =
+        ["brf_850", "brf_850_err", "brf_450", "brf_450_err", "brf_700", "brf_700_err", "brf_950", "brf_950_err"];
+    let rows = columns(&output.stdout, names);
+    assert_eq!(rows.len(), 2);
+    for row in rows {
+        for (k, [rho, tau, ground]) in
+            [[0.6, 0.4, 1.0], [0.0, 0.0, 0.125], [0.35, 0.225, 0.25], [0.3, 0.2, 0.0]].into_iter().enumerate()
+        {
+            let want = rho + tau * ground * tau / (1.0 - rho * ground);
+            let (brf, error) = (row[2 * k], row[2 * k + 1]);
+            assert!(
+                error < 0.01 && (brf - want).abs() < 4.0 * error + 1e-6,
+                "{}: {brf} ± {error}, {want}",
+                names[2 * k]
+            );
+        }
+    }
+    // All wavelengths that both spectra cover.
+    let output = run(args(&scene, "all"));
+    succeeded(&output);
+    let header = String::from_utf8(output.stdout).unwrap().lines().next().unwrap().to_string();
+    for nm in [450, 550, 800, 850, 950] {
+        assert!(header.contains(&format!("brf_{nm},brf_{nm}_err")), "{header}");
+    }
+    assert!(!header.contains("brf_400"), "{header}");
+    std::fs::write(dir.path().join("bands.csv"), "wavelength_um\n0.55\n0.8\n").unwrap();
+    let output = run(args(&scene, dir.path().join("bands.csv").to_str().unwrap()));
+    succeeded(&output);
+    assert_eq!(columns(&output.stdout, ["brf_550", "brf_800"]).len(), 2);
+    let other = dir.path().join("other.toml");
+    for (text, bands, words) in [
+        (text.as_str(), "450,450", "--bands has 450 nm twice"),
+        (&text, "400", "leaf.csv: it has 450 to 950 nm, and 400 nm is asked for"),
+        (&text, "none.csv", "none.csv"),
+        (&text.replace("spectrum = \"soil.csv\"", "albedo = [0.1, 0.1, 0.1]"), "550", "ground: three channels"),
+        (&plain, "550", "leaf \"plate\": three channels say nothing of single wavelengths"),
+        (&plain, "all", "no leaf and no ground has a spectrum"),
+        (&text.replace("leaf.csv\"", "leaf.csv\", rho_t = [0, 0, 0]"), "550", "expected both rho_d and rho_t"),
+        (&text.replace("leaf.csv\"", "leaf.csv\", rho_s = [0.1, 0.2, 0.1]"), "550", "rho_s differs between channels"),
+        (&text.replace("leaf.csv", "soil.csv"), "550", "R: no such column; a leaf needs wavelength_nm, R and T"),
+        (&text.replace("soil.csv", "d.csv"), "550", "wavelength_nm: no such column"),
+    ] {
+        std::fs::write(&other, text).unwrap();
+        refused(&run(args(&other, bands)), 2, &[words]);
+    }
+    // Four wavelengths are no colours, which nothing but a picture needs.
+    let mut all: Vec<String> = args(&scene, "550")[..7].to_vec();
+    refused(&run(all.clone()), 2, &["canopy.toml", "leaf.csv has no colours"]);
+    all.extend(["--bands".into(), "550".into(), "--channel".into(), "R".into()]);
+    refused(&run(all), 2, &["--channel"]);
+    std::fs::write(dir.path().join("leaf.csv"), "wavelength_nm,R,T\n450,0.6,0.5\n").unwrap();
+    refused(&run(args(&scene, "450")), 2, &["leaf.csv: at 450 nm R + T is 1.1"]);
+}
+
 /// RAMI's floating spheres and its "real zoom in" are compared with the results of other programs (ROMC): 76 directions
 /// each, by a χ² test of the differences.
 #[test]

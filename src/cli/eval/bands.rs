@@ -1,9 +1,9 @@
 //! `mesophyll eval bands`: spectra in, what three bands see of them out.
 
-use crate::cli::fit::spectra::{self, ReadingUnit, SpectrumColumn};
 use crate::cli::names::named;
 use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
+use mesophyll_files::spectra::{self, ReadingUnit, SpectrumColumn};
 use mesophyll_files::table::{BatchIo, BatchSpec, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, Status};
 use mesophyll_sky::response::ObserverResponse;
 

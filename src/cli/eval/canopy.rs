@@ -1,21 +1,23 @@
 //! `mesophyll eval canopy`: a canopy's reflectance factor towards directions, or where the sun's light goes.
 
+use super::canopy_bands::BandChoice;
 use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_files::table::{Batch, BatchIo, BatchSpec, InputTable, OutputRow};
 use mesophyll_files::{atomic, claim};
-use mesophyll_scene::draw::reference;
+use mesophyll_scene::draw::{bands, reference};
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::{leaf::LeafSearch, ledger::Ledger};
-use mesophyll_transport::path::Canopy;
+use mesophyll_transport::path::{Canopy, SurfaceBands};
 use std::path::{Path, PathBuf};
 
 /// The bidirectional reflectance factor of a periodic scene under its sun, as CSV: columns
-/// `view_zenith_deg,view_azimuth_deg` → `brf,brf_err,status`. With --fluxes instead the shares of the sun's light that
-/// the canopy reflects and absorbs, and that reach the ground.
+/// `view_zenith_deg,view_azimuth_deg` → `brf,brf_err,status`. With --bands the factors at many wavelengths, from the
+/// same paths: `brf_450,brf_450_err,…`. With --fluxes instead the shares of the sun's light that the canopy reflects
+/// and absorbs, and that reach the ground.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval canopy"))]
 pub struct Args {
@@ -41,17 +43,29 @@ pub struct Args {
     /// Which of the scene's channels
     #[arg(long, value_name = "R|G|B", default_value = "G", value_parser = ["R", "G", "B"])]
     channel: String,
+    /// Wavelengths (nm) instead of a channel, of leaves and a ground that have spectra: a list, a table with the column
+    /// wavelength_nm, or all that the spectra have in common
+    #[arg(long, value_name = "450,550,…|FILE.csv|all", conflicts_with_all = ["fluxes", "channel"])]
+    bands: Option<BandChoice>,
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 }
 
+/// What is asked of the light: one channel, or many wavelengths.
+enum CanopyLight {
+    Channel(usize),
+    Bands(Vec<SurfaceBands>, usize),
+}
+
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
-    // The table and the output are checked before the scene is read and its leaves are fitted.
+    // The tables and the output are checked before the scene's leaves are fitted.
+    let mut manifest = SceneManifest::read(&args.scene)?;
+    let wavelengths = args.bands.as_ref().map(|bands| bands.wavelengths(&manifest)).transpose()?;
     let spec = BatchSpec {
         required: vec!["view_zenith_deg".into()],
         optional: vec!["view_azimuth_deg".into()],
-        outputs: vec!["brf".into(), "brf_err".into()],
+        outputs: wavelengths.as_deref().map_or_else(|| vec!["brf".into(), "brf_err".into()], BandChoice::columns),
         ..BatchSpec::default()
     };
     let io = BatchIo { input: args.directions.clone().unwrap_or_default(), output: args.output.clone() };
@@ -60,21 +74,34 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     claim::file(&args.output, &["csv", "json"], &[&args.scene])?;
     let ledger = Ledger::new();
     let search = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
-    let mut manifest = SceneManifest::read(&args.scene)?;
     // No view is needed, but all leaves must be there.
     manifest.look_from_above();
+    if wavelengths.is_some() {
+        manifest.forget_colours();
+    }
     let scene = LoadedScene::open(manifest, search, &ledger)?;
     scene.require_sound_fits(&ledger)?;
+    let light = match &wavelengths {
+        Some(nm) => CanopyLight::Bands(bands::surfaces(&scene, nm)?, nm.len()),
+        None => CanopyLight::Channel(["R", "G", "B"].iter().position(|c| *c == args.channel).unwrap_or(1)),
+    };
     let world = reference::traced(&scene, 0.0, &ledger)?;
     let canopy = Canopy::new(&world, args.seed).map_err(|what| Error::input(&args.scene, what))?;
-    let channel = ["R", "G", "B"].iter().position(|c| *c == args.channel).unwrap_or(1);
-    if !(world.sun.as_ref().is_some_and(|s| s.irradiance[channel] > 0.0)) {
-        let what = format!("0 in channel {}, expected a sun that shines in it, or another --channel", args.channel);
+    let shines = |channel: usize| world.sun.as_ref().is_some_and(|s| s.irradiance[channel] > 0.0);
+    let dark = match light {
+        CanopyLight::Channel(channel) if !shines(channel) => {
+            Some(format!("0 in channel {}, expected a sun that shines in it, or another --channel", args.channel))
+        }
+        CanopyLight::Bands(..) if !(0..3).any(shines) => Some("0 in all channels, expected a sun that shines".into()),
+        _ => None,
+    };
+    if let Some(what) = dark {
         return Err(Error::field(&args.scene, "sun.irradiance", what));
     }
-    match batch {
-        Some(batch) => directions(args, batch, &io, &canopy, channel, common),
-        None => fluxes(args, &canopy, channel, common),
+    match (batch, &light) {
+        (Some(batch), _) => directions(args, batch, &io, &canopy, &light, common),
+        (None, CanopyLight::Channel(channel)) => fluxes(args, &canopy, *channel, common),
+        (None, CanopyLight::Bands(..)) => Err(Error::Usage("--bands needs --directions".into())),
     }
 }
 
@@ -83,7 +110,7 @@ fn directions(
     batch: Batch,
     io: &BatchIo,
     canopy: &Canopy,
-    channel: usize,
+    light: &CanopyLight,
     common: &CommonArgs,
 ) -> Result<u8> {
     let bar = TaskProgress::of("directions");
@@ -101,9 +128,16 @@ fn directions(
             )));
             return;
         }
-        let brf = canopy.brf([zenith, azimuth], channel, args.samples);
+        let toward = [zenith, azimuth];
+        let found = match light {
+            CanopyLight::Channel(channel) => Ok(vec![canopy.brf(toward, *channel, args.samples)]),
+            CanopyLight::Bands(surfaces, bands) => canopy.brf_of_bands(toward, surfaces, *bands, args.samples),
+        };
         bar.advance(1);
-        out.push(OutputRow::ok(vec![brf.mean, brf.error]));
+        out.push(match found {
+            Ok(factors) => OutputRow::ok(factors.iter().flat_map(|brf| [brf.mean, brf.error]).collect()),
+            Err(why) => OutputRow::refused(why),
+        });
     })?;
     batch::say_tally(&tally, io, common, "direction")?;
     Ok(0)

@@ -9,6 +9,7 @@ pub mod abm;
 pub mod bands;
 pub mod beam;
 pub mod canopy;
+mod canopy_bands;
 pub mod dipole;
 pub mod fsm;
 pub mod gloss;

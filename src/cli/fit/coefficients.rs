@@ -1,9 +1,9 @@
 //! `mesophyll fit coefficients`: spectra of leaves with measured contents in, specific absorptions and indices out.
 
 use super::foliar::side;
-use super::spectra::{self, ReadingUnit, SpectrumColumn};
 use crate::cli::{CommonArgs, tables};
 use crate::cli::{Error, Result};
+use mesophyll_files::spectra::{self, ReadingUnit, SpectrumColumn};
 use mesophyll_files::table::{InputTable, Omissions, TableRecord, counted};
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fits::plates::training::{self, PlateExample, PlateTraining};

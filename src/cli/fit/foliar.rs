@@ -1,9 +1,9 @@
 //! `mesophyll fit foliar`: R and T at some wavelengths in, pigments and the epidermis's oblateness out.
 
-use super::spectra::{self, LongSpectra, ReadingUnit, SpectrumColumn};
 use crate::cli::names::named;
 use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
+use mesophyll_files::spectra::{self, LongSpectra, ReadingUnit, SpectrumColumn};
 use mesophyll_files::table::{
     Batch, BatchIo, BatchSpec, GroupRow, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, counted,
 };

@@ -1,10 +1,10 @@
 //! `mesophyll fit foliar` where `--pigments` names coefficients of `fit coefficients`: the contents of real leaves.
 
 use super::foliar::{Args, asked_of, impossible, noise_is_stated, side};
-use super::spectra::{self, ReadingUnit, SpectrumColumn};
 use crate::cli::{CommonArgs, batch};
 use crate::cli::{Error, Result};
 use mesophyll_files::progress;
+use mesophyll_files::spectra::{self, ReadingUnit, SpectrumColumn};
 use mesophyll_files::table::{Batch, GroupRow, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, counted};
 use mesophyll_fits::plates::leaf::PlateReading;
 use mesophyll_fits::plates::{PlateCoefficients, PlateFitModel, table};

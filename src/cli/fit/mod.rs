@@ -23,7 +23,6 @@ pub mod sky;
 pub mod slab;
 mod slab_columns;
 mod slab_pictures;
-pub mod spectra;
 mod thickness;
 pub mod tissue;
 pub mod transfer;

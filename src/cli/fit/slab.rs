@@ -2,12 +2,12 @@
 
 use super::slab_columns::{SlabColumns, column_names, wavelengths};
 use super::slab_pictures::{self, PlottedRow};
-use super::spectra::{self, LEAF, ReadingUnit};
 use super::thickness::{LEAVES_MM, doubted, no_leaf, not_in_mm, thickness_unit};
 use crate::cli::names::named;
 use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use mesophyll_files::spectra::{self, LEAF, ReadingUnit};
 use mesophyll_files::table::{Batch, BatchIo, BatchSpec, InputRow, OutputRow, PhysicalRange, Status, counted};
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::{atomic, progress};

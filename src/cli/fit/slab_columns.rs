@@ -1,8 +1,8 @@
 //! Which columns of a table `fit slab` reads.
 
 use super::slab::{ALSO, INPUTS};
-use super::spectra;
 use crate::cli::{Error, Result};
+use mesophyll_files::spectra;
 use mesophyll_files::table::{BatchSpec, InputRow, InputTable};
 use mesophyll_fits::slab::{CoefficientPrior, SlabMeasurement};
 use mesophyll_optics::slab::inverse::SlabCoefficient;

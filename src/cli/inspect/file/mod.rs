@@ -4,10 +4,10 @@ mod formats;
 mod spectrum;
 mod tables;
 
-use crate::cli::fit::spectra;
 use crate::cli::{CommonArgs, Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::instrument::{self, InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
+use mesophyll_files::spectra;
 use serde::Serialize;
 use std::fmt::Write;
 use std::io::Read;

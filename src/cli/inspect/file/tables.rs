@@ -3,7 +3,7 @@
 use super::spectrum::SpectrumContents;
 use super::{Found, listed, quoted};
 use crate::cli::Result;
-use crate::cli::fit::spectra::{self, LEAF, ReadingUnit};
+use mesophyll_files::spectra::{self, LEAF, ReadingUnit};
 use mesophyll_files::table::{InputTable, TableRecord};
 use std::collections::HashSet;
 use std::path::Path;

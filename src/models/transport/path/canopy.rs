@@ -75,6 +75,12 @@ impl<'a> Canopy<'a> {
         })
     }
 
+    /// The seed of the paths towards a direction.
+    pub(super) fn key(&self, [zenith, azimuth]: [f64; 2]) -> u64 {
+        let (sin, cos) = zenith.sin_cos();
+        [sin * azimuth.cos(), sin * azimuth.sin(), cos].iter().fold(self.seed, |key, x| mix(key, x.to_bits()))
+    }
+
     /// The tracer of its light.
     pub fn tracer(&self) -> &PathTracer<'a> {
         &self.tracer
@@ -105,11 +111,8 @@ impl<'a> Canopy<'a> {
     /// The reflectance factor of channel `channel` towards a direction, from `paths` paths: `zenith` (rad) within ±π/2,
     /// `azimuth` (rad) from +x towards +y.
     pub fn brf(&self, [zenith, azimuth]: [f64; 2], channel: usize, paths: u32) -> Estimate {
-        let (sin, cos) = zenith.sin_cos();
-        let toward = DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos);
         let scale = self.factors()[channel];
-        let key = toward.to_array().iter().fold(self.seed, |key, x| mix(key, x.to_bits()));
-        let [brf] = estimate(key, paths, |samples| {
+        let [brf] = estimate(self.key([zenith, azimuth]), paths, |samples| {
             let begun = samples.iter_mut().map(|samples| {
                 let [u, v, ..] = samples.next();
                 (self.seen_from([zenith, azimuth], [u, v]), samples)

@@ -27,29 +27,41 @@ pub(super) fn estimate<const N: usize>(
     paths: u32,
     follow: impl Fn(&mut [PathSampler]) -> Vec<[f64; N]> + Sync,
 ) -> [Estimate; N] {
+    let all = estimate_all(seed, paths, N, |samples, add| follow(samples).iter().for_each(|found| add(found)));
+    std::array::from_fn(|q| all[q])
+}
+
+/// The same for `count` numbers. `follow` adds those of each of a few paths.
+pub(super) fn estimate_all(
+    seed: u64,
+    paths: u32,
+    count: usize,
+    follow: impl Fn(&mut [PathSampler], &mut dyn FnMut(&[f64])) + Sync,
+) -> Vec<Estimate> {
     let rounds = (paths / PATHS_A_ROUND).clamp(ROUNDS[0], ROUNDS[1]).max(paths.div_ceil(MOST_PATHS));
     let each = paths.div_ceil(rounds);
-    let means: Vec<[f64; N]> = (0..rounds)
+    let means: Vec<Vec<f64>> = (0..rounds)
         .into_par_iter()
         .map(|round| {
-            let mut sum = [0.0; N];
+            let mut sum = vec![0.0; count];
             let begin = |k: u32| PathSampler::new(scramble(seed, u64::from(round)), k);
             let firsts = (0..each).step_by(SIDE_BY_SIDE as usize);
             for first in firsts.take_while(|_| !progress::stop_requested()) {
                 let mut samples: Vec<PathSampler> = (first..each.min(first + SIDE_BY_SIDE)).map(begin).collect();
-                for found in follow(&mut samples) {
-                    (0..N).for_each(|q| sum[q] += found[q] / f64::from(each));
-                }
+                follow(&mut samples, &mut |found| {
+                    sum.iter_mut().zip(found).for_each(|(sum, v)| *sum += v / f64::from(each));
+                });
             }
             sum
         })
         .collect();
     let n = f64::from(rounds);
-    std::array::from_fn(|q| {
+    let of = |q: usize| {
         let mean = means.iter().map(|m| m[q]).sum::<f64>() / n;
         let spread = means.iter().map(|m| (m[q] - mean).powi(2)).sum::<f64>() / (n - 1.0);
         Estimate { mean, error: (spread / n).sqrt() }
-    })
+    };
+    (0..count).map(of).collect()
 }
 
 /// The mean of independent means, and the variance of that mean; infinite for a single one.

@@ -9,6 +9,9 @@
 //! All arithmetic is f64. Limits: only surfaces scatter, so there is no mist. Inside a blade, light moves from one
 //! texel to another only in the translucency maps of sunlight. Only sun, sky and environment emit light.
 
+mod bands;
+#[cfg(test)]
+mod bands_tests;
 mod branch;
 mod canopy;
 mod escape;
@@ -31,6 +34,7 @@ pub(crate) use crate::Result;
 use crate::accelerate::Ray;
 use crate::stage::{SideBy, Stage};
 use crate::world::ReferenceWorld;
+pub use bands::SurfaceBands;
 pub use canopy::{Canopy, CanopyFluxes};
 pub use estimate::Estimate;
 use glam::DVec3;

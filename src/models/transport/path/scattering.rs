@@ -127,9 +127,7 @@ impl<'a> ScatterPoint<'a> {
             (scatter.rho_d, scatter.rho_t) = (met.diffuse, met.through);
             scatter.mirrored = Some(Mirrored { direction, forward, met, choice });
         }
-        let shares = [weigh(scatter.rho_d), weigh(scatter.rho_t), shine];
-        let sum: f64 = shares.iter().sum();
-        scatter.choice = if sum > 0.0 { shares.map(|s| s / sum) } else { [0.0; 3] };
+        scatter.choose([weigh(scatter.rho_d), weigh(scatter.rho_t), shine]);
         scatter
     }
 
@@ -257,20 +255,29 @@ impl<'a> ScatterPoint<'a> {
         }
     }
 
-    /// What [`ScatterPoint::times_cosine`] multiplies ρd, ρt and ρs by (1/sr), and the last one's derivative by the
-    /// slope m.
-    pub fn lobes(&self, l: DVec3) -> [f64; 4] {
+    /// Draws from ρd, ρt and gloss in these proportions.
+    pub fn choose(&mut self, shares: [f64; 3]) {
+        let sum: f64 = shares.iter().sum();
+        self.choice = if sum > 0.0 { shares.map(|s| s / sum) } else { [0.0; 3] };
+    }
+
+    /// What [`ScatterPoint::times_cosine`] multiplies ρd, ρt and ρs by (1/sr).
+    pub fn factors(&self, l: DVec3) -> [f64; 3] {
         if !self.faces(l) {
-            return [0.0, self.far_normal.dot(l).max(0.0) / PI, 0.0, 0.0];
+            return [0.0, self.far_normal.dot(l).max(0.0) / PI, 0.0];
         }
-        let shine = |m: f64| self.gloss.as_ref().map_or(0.0, |g| g.lobe.times_cosine(self.normal, self.view, l, m));
-        let (mut gloss, mut by_m) = (0.0, 0.0);
-        if let Some(g) = &self.gloss {
-            let step = 1e-4 * g.m;
-            gloss = shine(g.m);
-            by_m = (shine(g.m + step) - shine(g.m - step)) / (2.0 * step);
-        }
-        [self.normal.dot(l).max(0.0) / PI, 0.0, gloss, by_m]
+        let shine = |g: &Gloss| g.lobe.times_cosine(self.normal, self.view, l, g.m);
+        [self.normal.dot(l).max(0.0) / PI, 0.0, self.gloss.as_ref().map_or(0.0, shine)]
+    }
+
+    /// The same, and the last one's derivative by the slope m.
+    pub fn lobes(&self, l: DVec3) -> [f64; 4] {
+        let [diffuse, through, gloss] = self.factors(l);
+        let by_m = self.gloss.as_ref().filter(|_| self.faces(l)).map_or(0.0, |g| {
+            let (step, shine) = (1e-4 * g.m, |m: f64| g.lobe.times_cosine(self.normal, self.view, l, m));
+            (shine(g.m + step) - shine(g.m - step)) / (2.0 * step)
+        });
+        [diffuse, through, gloss, by_m]
     }
 
     /// ρs; 0 where there is no gloss.

@@ -1,5 +1,6 @@
 //! The data of a planned scene that both renderers draw.
 
+pub mod bands;
 #[cfg(all(test, feature = "render"))]
 mod both_tests;
 pub mod card;

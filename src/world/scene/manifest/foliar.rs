@@ -145,7 +145,7 @@ impl super::SceneManifest {
             let leaf = &mut self.leaves[k];
             (leaf.lobe, leaf.index) = (LobeKind::CookTorrance, Some(index));
             if let LeafOrigin::Layered(layered) = &mut leaf.origin {
-                let stand_in = UniformLeaf { rho_d, rho_t, rho_s: Some(rho_s), m };
+                let stand_in = UniformLeaf { rho_d, rho_t, rho_s: Some(rho_s), m, spectrum: None };
                 layered.made = Some((Arc::new(foliar), stand_in));
             }
         }

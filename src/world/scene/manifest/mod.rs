@@ -13,6 +13,7 @@ mod leaf;
 mod light;
 mod picture;
 mod plant;
+mod spectrum;
 mod table;
 mod unknowns;
 mod validate;
@@ -33,6 +34,7 @@ pub use plant::{
     BranchOverride, GRAINS_A_TILE, MOST_LEAF_RESONANCE, SceneGround, SceneHill, SceneInstance, SceneMaterial,
     ScenePeriod, SceneWind, StatedFlutter, StatedPlant,
 };
+pub use spectrum::StatedSpectrum;
 pub use unknowns::{StatedFactors, StatedPhotograph, StatedUnknowns};
 pub use view::{
     CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewKind,
@@ -156,6 +158,7 @@ impl SceneManifest {
         manifest.sky = sky.map(SceneSky::read).transpose()?;
         manifest.sun = sun.map(|sun| SceneSun::read(sun, manifest.sky.as_ref())).transpose()?;
         manifest.path = path.to_path_buf();
+        manifest.read_spectra()?;
         validate::validate(&manifest, text)?;
         manifest.layer(0.0, false)?;
         manifest.share();

@@ -1,6 +1,7 @@
 //! Where leaves stand and what moves them: single leaves, whole plants, their branches, and the wind.
 
 use super::one;
+use super::spectrum::{StatedSpectrum, unstated};
 use glam::DVec3;
 use mesophyll_files::unit::LengthUnit;
 use serde::Deserialize;
@@ -181,8 +182,11 @@ pub struct ScenePeriod {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneGround {
-    /// Diffuse reflectance.
+    /// Diffuse reflectance; from the spectrum where it is not stated.
+    #[serde(default = "unstated")]
     pub albedo: [f64; 3],
+    /// A table of its reflectance over wavelength, for light of any band.
+    pub spectrum: Option<StatedSpectrum>,
     /// Half of its width; in a periodic scene the ground covers the period.
     pub reach_mm: Option<f64>,
     /// Height of the ground on z.

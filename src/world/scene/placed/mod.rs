@@ -72,6 +72,7 @@ impl PlacedScene {
     /// [`crate::placed::Error::Input`] for a fit that does not exist and cannot be made, a damaged mesh, or a branch
     /// whose load bends it too far.
     pub fn new(manifest: &SceneManifest, search: LeafSearch, ledger: &Ledger) -> Result<PlacedScene> {
+        manifest.require_colours()?;
         let planted = plant::planted(manifest, ledger)?;
         let Standing { placements, wood, winds } = stand(manifest, &planted, ledger)?;
         let shapes = planted.iter().flat_map(|p| p.shapes().map(move |shape| (p.name.clone(), shape))).collect();

@@ -95,6 +95,13 @@ fn one_uniform(p: &ManifestText, i: usize, leaf: &StatedLeaf, uniform: &UniformL
     if leaf.lobe.has_index() {
         return Err(p.error(HEADER, i, "lobe", format!("found {}, expected one without an index", leaf.lobe)));
     }
+    if let Some(name) = uniform.lacks() {
+        let what = match uniform.spectrum {
+            None => format!("{name}: missing; expected rho_d and rho_t, or a spectrum"),
+            Some(_) => format!("{name}: missing; beside a spectrum, expected both rho_d and rho_t, or none of the two"),
+        };
+        return Err(p.error(HEADER, i, KEY, what));
+    }
     let [front, back] = &uniform.rho_d;
     let none = [0.0; 3];
     for (name, values) in [

@@ -21,6 +21,9 @@ pub fn placements(p: &ManifestText) -> Result<()> {
     plants(p)?;
     if let Some(ground) = &m.ground {
         const HEADER: &str = "[ground]";
+        if ground.albedo.iter().all(|v| v.is_nan()) {
+            return Err(p.error(HEADER, 0, "albedo", "missing; expected three reflectances, 0 to 1, or a spectrum"));
+        }
         p.reflectance(HEADER, 0, "albedo", &ground.albedo)?;
         match (ground.reach_mm, &m.periodic) {
             (Some(_), Some(_)) => {

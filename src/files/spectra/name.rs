@@ -1,7 +1,7 @@
 //! What the name of a column says in a table of spectra: `R450`, `refl_450.5`, `X450`, `450nm`, `R(adaxial)`,
 //! `Wavelength (nm)`, `Reflectance (%)`.
 
-use mesophyll_optics::side::Side;
+use mesophyll_base::surface::side::Side;
 
 /// The parts of a column's name. A name with any other word in it belongs to no spectrum.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -86,7 +86,7 @@ impl SpectrumColumnName {
         if let Some(through) = quantity(word).filter(|_| numbered || !letter) {
             return Some(self.through.replace(through).is_some());
         }
-        if let Some(side) = Side::of_botanical(&lower) {
+        if let Some(side) = Side::of_botanical(&lower).or_else(|| lower.parse().ok()) {
             return Some(self.side.replace(side).is_some());
         }
         match lower.as_str() {

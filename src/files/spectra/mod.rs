@@ -1,16 +1,18 @@
 //! Tables of spectra as people have them: which columns hold which readings, in which unit their wavelengths are, and
-//! whether the readings are in per cent. Used by `fit slab` and `fit foliar`.
+//! whether the readings are in per cent. Used by fits, and by scenes whose leaves and ground have spectra.
 
 mod name;
 mod pairs;
+mod single;
 
 pub use pairs::open;
+pub use single::SingleSpectrum;
 
-use crate::cli::{Error, Result};
-use mesophyll_files::progress;
-use mesophyll_files::table::{BatchSpec, Groups, InputTable, percent};
-use mesophyll_files::unit::LengthUnit;
-use mesophyll_optics::side::Side;
+use crate::progress;
+use crate::table::{BatchSpec, Groups, InputTable, percent};
+use crate::unit::LengthUnit;
+use crate::{Error, Result};
+use mesophyll_base::surface::side::Side;
 use name::SpectrumColumnName;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
@@ -21,6 +23,7 @@ pub const LEAF: [&str; 4] = ["leaf", "leaf_id", "sample", "sample_id"];
 /// A column of readings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectrumColumn {
+    /// Its name in the header.
     pub name: String,
     /// The column of its standard errors, which the table may lack.
     pub error: String,
@@ -33,6 +36,7 @@ pub struct SpectrumColumn {
 }
 
 impl SpectrumColumn {
+    /// Whether the lower side was lit.
     pub fn is_abaxial(&self) -> bool {
         self.side == Some(Side::Back)
     }
@@ -52,9 +56,11 @@ pub struct WideSpectra {
 /// A table with a row for each wavelength.
 #[derive(Debug)]
 pub struct LongSpectra {
-    /// The column of wavelengths, and what its unit is in nm.
+    /// The column of wavelengths.
     pub wavelength: String,
+    /// What its unit is in nm.
     pub unit_nm: f64,
+    /// The columns of readings.
     pub readings: Vec<SpectrumColumn>,
 }
 

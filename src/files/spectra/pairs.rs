@@ -3,9 +3,9 @@
 
 use super::name::{SpectrumColumnName, quantity_of};
 use super::{LEAF, WideSpectra, in_nm, only_leaf, wide};
-use crate::cli::{Error, Result};
-use mesophyll_files::progress;
-use mesophyll_files::table::{InputTable, TableRecord, counted, push_quoted};
+use crate::progress;
+use crate::table::{InputTable, TableRecord, counted, push_quoted};
+use crate::{Error, Result};
 use std::collections::{HashMap, HashSet};
 use std::io::Cursor;
 use std::path::Path;
