@@ -130,7 +130,9 @@ mod tests {
             let at = found.at(k, &[nm]).unwrap()[0];
             assert!((at - want).abs() < 1e-12, "{nm}: {at} {want}");
         };
-        [(500.0, 0.1), (550.0, 0.15), (600.0, 0.2), (650.0, 0.25), (800.0, 0.4)].map(|(nm, want)| near(0, nm, want));
+        [(500.0, 0.1), (550.0, 0.15), (600.0, 0.2), (650.0, 0.25), (800.0, 0.4)]
+            .into_iter()
+            .for_each(|(nm, want)| near(0, nm, want));
         near(1, 700.0, 0.3);
         for nm in [499.0, 801.0, f64::NAN] {
             assert!(found.at(0, &[nm]).unwrap_err().to_string().contains("it has 500 to 800 nm"));

@@ -3,6 +3,7 @@
 use super::*;
 use mesophyll_base::rgb::Rgb;
 use mesophyll_capture::photo::{PhotoSideMaps, PictureScale, SensorNoise};
+use mesophyll_optics::side::Sides;
 use mesophyll_optics::slab::medium::response;
 
 const N: usize = 24;
@@ -63,8 +64,7 @@ fn reduced(change: impl Fn(usize, usize, &mut [f64; 2]), error: [[f64; 2]; 3], s
         origin: [0; 2],
         step: 2,
         mask: vec![true; N * N],
-        front: side.clone(),
-        back: side,
+        sides: Sides { front: side.clone(), back: side },
         noise: SensorNoise::stated(1e-4, 0.0),
     }
 }
