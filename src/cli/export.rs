@@ -33,6 +33,7 @@ use strum::IntoEnumIterator;
   mesophyll export data/scenes/breeze.toml --to pivots -o pivots
   mesophyll export data/scenes/glossy-sky.toml --to web -o glossy-sky.mesophyll
   mesophyll fit sky -o out/sky && mesophyll export out/sky --to wgsl -o sky.wgsl
+  mesophyll export out/sky --to hlsl --sun-zenith-deg 40 --sun-azimuth-deg 135 --turbidity 3 -o noon.hlsl
   mesophyll export out/sky --to c --sun-zenith-deg 40 --turbidity 3 --ground 0.2 -o noon.h")]
 pub struct Args {
     /// Fit folder, or a scene with plants
@@ -71,6 +72,9 @@ pub struct Args {
     /// Sky: the turbidity that goes with --sun-zenith-deg
     #[arg(long, value_name = "T", requires = "sun_zenith_deg")]
     turbidity: Option<f64>,
+    /// Sky: azimuth of that sun, from +x to +y (default: 0)
+    #[arg(long, value_name = "DEG", requires = "sun_zenith_deg", allow_negative_numbers = true)]
+    sun_azimuth_deg: Option<f64>,
     /// Sky: light from level ground of this albedo, 0 to 1, below the horizon (of the sky alone: the sun is not part of
     /// it)
     #[arg(long, value_name = "A", default_value_t = 0.0)]
@@ -182,7 +186,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         return Err(Error::Usage(format!("--to {}: holds one time; expected --time, or --to gltf", format.name())));
     }
     if scene && (args.sun_zenith_deg.is_some() || args.ground != 0.0) {
-        let what = "is a scene; --sun-zenith-deg, --turbidity and --ground are for sky fits";
+        let what = "is a scene; --sun-zenith-deg, --sun-azimuth-deg, --turbidity and --ground are for sky fits";
         return Err(Error::Usage(format!("{} {what}", args.folder.display())));
     }
     if let Some(time) = args.time.filter(|t| !scene || !t.is_finite()) {
@@ -197,7 +201,8 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         return Err(Error::Usage(format!("--to pivots: {what}")));
     }
     let fixed = args.sun_zenith_deg.zip(args.turbidity).map(|(sun, turbidity)| (sun.to_radians(), turbidity));
-    let options = SkyExportOptions { fixed, ground: args.ground };
+    let azimuth = args.sun_azimuth_deg.unwrap_or(0.0).to_radians();
+    let options = SkyExportOptions { fixed, azimuth, ground: args.ground };
     let done: ExportResult = destination::file(&args.output, |path| match times {
         _ if format == ExportFormat::Web => web(args, path),
         Some([from, last]) => moving(&args.folder, from, last, args.step, path).map(Into::into),

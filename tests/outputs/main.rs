@@ -20,4 +20,5 @@ mod report;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod sky_export;
+mod sky_functions;
 mod web;

@@ -1,13 +1,13 @@
-//! `mesophyll export` of a sky fit. Its files are compiled and run, and compared with evaluation by the library.
+//! `mesophyll export` of a sky fit: the numbers in its files, and what is refused. `sky_functions` runs the texts.
 
-use crate::common::skips::{self, Need};
 use crate::common::{refused, run, succeeded};
 use mesophyll::fits::sky::{SkyFitForm, folder};
+use mesophyll::sky::HarmonicCoefficients;
+use mesophyll::sky::harmonics::rotate_z;
 use mesophyll::sky::irradiance::add_ground;
 use serde_json::Value;
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 /// Suns from the zenith to the horizon, and turbidities over the whole range.
 fn skies() -> Vec<(f64, f64)> {
@@ -15,13 +15,13 @@ fn skies() -> Vec<(f64, f64)> {
     suns.iter().flat_map(|s| [2.5, 2.7, 3.3, 4.2, 5.1, 6.0].map(|t| (*s, t))).collect()
 }
 
-fn fit(dir: &Path, method: &str) -> PathBuf {
+pub fn fit(dir: &Path, method: &str) -> PathBuf {
     let out = dir.join(method);
     succeeded(&run(["fit", "sky", "--quiet", "--method", method, "-o", out.to_str().unwrap()]));
     out
 }
 
-fn export(folder: &Path, to: &Path, extra: &[&str]) -> String {
+pub fn export(folder: &Path, to: &Path, extra: &[&str]) -> String {
     let format = to.extension().unwrap().to_str().unwrap();
     let format = if format == "h" { "c" } else { format };
     let mut args = vec!["export", folder.to_str().unwrap(), "--quiet", "--to", format, "-o", to.to_str().unwrap()];
@@ -62,69 +62,8 @@ fn worst(got: &[f64], want: &[Vec<[f64; 3]>]) -> f64 {
     out
 }
 
-/// The largest differences relative to c00 that docs/evidence/sky.md states, times one and a half: C in float 2e-7, in
-/// double 2e-15, JSON 3e-15. WGSL uses single precision throughout, with recurrences of 30 steps, and its adapter
-/// chooses the rounding: 2e-6, times two.
-const SINGLE: f64 = 3e-7;
-const DOUBLE: f64 = 3e-15;
+/// The largest difference relative to c00 that docs/evidence/sky.md states, 3e-15, times one and a half.
 const JSON: f64 = 4.5e-15;
-const WGSL: f64 = 4e-6;
-
-#[test]
-fn the_c_header_compiles_and_equals_the_library() {
-    if Command::new("cc").arg("--version").output().is_err() {
-        return skips::skip(Need::Compiler, "no C compiler (cc)");
-    }
-    let dir = tempfile::tempdir().unwrap();
-    for (method, ground) in [("fine", 0.0), ("compact", 0.3), ("chebyshev", 0.0)] {
-        let folder = fit(dir.path(), method);
-        export(&folder, &dir.path().join("sky.h"), &["--ground", &ground.to_string()]);
-        let want = library(&folder, ground);
-        let mut main = String::from(
-            "#include <stdio.h>\n#include \"sky.h\"\nint main(void) {\n    static MESOPHYLL_SKY_REAL c[49][3];\n    \
-             int k;\n",
-        );
-        for (s, t) in skies() {
-            main.push_str(&format!(
-                "    if (!mesophyll_sky({s:?}, {t:?}, c)) return 1;\n    for (k = 0; k < 49; k++) printf(\"%.17g %.17g \
-                 %.17g\\n\", (double)c[k][0], (double)c[k][1], (double)c[k][2]);\n"
-            ));
-        }
-        main.push_str(
-            "    return mesophyll_sky(0.5, 6.1, c) || mesophyll_sky(1.6, 3.0, c) || mesophyll_sky(0.0 / 0.0, \
-         3.0, c);\n}\n",
-        );
-        std::fs::write(dir.path().join("main.c"), main).unwrap();
-        // In single precision, the plain Chebyshev polynomials have more cancellation.
-        let single = if method == "chebyshev" { 2e-6 } else { SINGLE };
-        for (real, tolerance) in [("float", single), ("double", DOUBLE)] {
-            let program = dir.path().join(format!("{method}-{real}"));
-            let built = Command::new("cc")
-                .args([
-                    "-std=c99",
-                    "-Wall",
-                    "-Wextra",
-                    "-Werror",
-                    &format!("-DMESOPHYLL_SKY_REAL={real}"),
-                    "main.c",
-                    "-lm",
-                    "-o",
-                ])
-                .arg(&program)
-                .current_dir(dir.path())
-                .output()
-                .unwrap();
-            assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-            let ran = Command::new(&program).output().unwrap();
-            assert!(ran.status.success());
-            let text = String::from_utf8(ran.stdout).unwrap();
-            let got: Vec<f64> = text.split_whitespace().map(|v| v.parse().unwrap()).collect();
-            let off = worst(&got, &want);
-            println!("C {method} {real}: {off:.1e} of c00");
-            assert!(off < tolerance, "{method} {real}: {off:e}");
-        }
-    }
-}
 
 /// Evaluates the JSON by its own description, without the library.
 fn by_hand(sky: &Value, s: f64, t: f64) -> Vec<[f64; 3]> {
@@ -193,43 +132,46 @@ fn the_json_says_how_it_is_evaluated() {
     }
 }
 
-/// A fixed sky is 49×3 numbers without a polynomial. All three formats hold the same numbers.
+/// The triples of the table of harmonics in a text, one a line.
+fn harmonics_in(text: &str) -> Vec<f32> {
+    let opens = |l: &str| l.contains("SKY_HARMONICS") && ["49]", "49>"].iter().any(|count| l.contains(count));
+    let lines = text.lines().skip_while(|l| !opens(l));
+    let rows = lines.skip(1).take_while(|l| l.starts_with(' '));
+    let inside = rows.map(|l| l.split_once(['(', '{']).unwrap().1.split([')', '}']).next().unwrap());
+    inside.flat_map(|l| l.split(',').map(|v| v.trim().parse().unwrap()).collect::<Vec<f32>>()).collect()
+}
+
+/// A fixed sky is 49×3 numbers without a polynomial. All formats hold the same numbers; only JSON has them turned to
+/// the sun's azimuth, because the others turn the direction.
 #[test]
 fn a_fixed_sky_is_forty_nine_triples() {
     let dir = tempfile::tempdir().unwrap();
     let folder = fit(dir.path(), "fine");
     let extra = ["--sun-zenith-deg", "40", "--turbidity", "3", "--ground", "0.2"];
-    let json: Value = serde_json::from_str(&export(&folder, &dir.path().join("f.json"), &extra)).unwrap();
-    let (c, wgsl) =
-        (export(&folder, &dir.path().join("f.h"), &extra), export(&folder, &dir.path().join("f.wgsl"), &extra));
-    let listed = json["coefficients"].as_array().unwrap();
+    let triples = |extra: &[&str]| {
+        let json: Value = serde_json::from_str(&export(&folder, &dir.path().join("f.json"), extra)).unwrap();
+        let listed = json["coefficients"].as_array().unwrap().clone();
+        listed.iter().map(|v| [0, 1, 2].map(|c| v[c].as_f64().unwrap())).collect::<Vec<_>>()
+    };
+    let listed = triples(&extra);
     assert_eq!(listed.len(), 49);
     // The limit against direct integration is that of the fit's tier.
     let sky = mesophyll::sky::Preetham.at(40f64.to_radians(), 3.0).unwrap();
     let want = add_ground(&mesophyll::sky::projection::direct(&sky, 7), [0.2; 3], [0.0; 3]);
-    for (k, w) in want.values().iter().enumerate() {
-        for ch in 0..3 {
-            assert!((listed[k][ch].as_f64().unwrap() - w[ch]).abs() < 2e-5 * want.get(0, 0)[ch], "{k}");
+    let close = |found: &[[f64; 3]], want: &HarmonicCoefficients| {
+        for (k, w) in want.values().iter().enumerate() {
+            (0..3).for_each(|c| assert!((found[k][c] - w[c]).abs() < 2e-5 * want.get(0, 0)[c], "{k}"));
         }
-    }
-    let numbers = |text: &str, open: &str| -> Vec<f32> {
-        let rows = text.lines().filter(|l| l.trim_start().starts_with(open));
-        rows.flat_map(|l| {
-            l.trim()
-                .trim_start_matches(open)
-                .split([',', '}', ')'])
-                .map(|v| v.trim().trim_end_matches('f').to_string())
-                .filter(|v| !v.is_empty())
-                .collect::<Vec<_>>()
-        })
-        .map(|v| v.parse().unwrap_or_else(|_| panic!("{v:?}")))
-        .collect()
     };
-    let (from_c, from_wgsl) = (numbers(&c, "{"), numbers(&wgsl, "vec3<f32>("));
-    assert_eq!((from_c.len(), &from_c), (147, &from_wgsl));
-    let flat = listed.iter().flat_map(|v| v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap() as f32));
-    assert!(flat.eq(from_c));
-    assert!(c.len() < 8000 && !c.contains("exp("));
+    close(&listed, &want);
+    let turned = [&extra[..], &["--sun-azimuth-deg", "-110"]].concat();
+    close(&triples(&turned), &rotate_z(&want, (-110f64).to_radians()));
+    let flat: Vec<f32> = listed.iter().flatten().map(|v| *v as f32).collect();
+    for ending in ["h", "wgsl", "glsl", "hlsl"] {
+        let text = export(&folder, &dir.path().join(format!("f.{ending}")), &turned);
+        assert_eq!(harmonics_in(&text), flat, "{ending}");
+        assert!(!text.contains("SKY_VALUES") && text.len() < 20_000, "{ending}: {}", text.len());
+    }
 }
 
 #[test]
@@ -249,6 +191,9 @@ fn what_cannot_be_exported_is_a_sentence() {
         2,
         &["turbidity is 8"],
     );
+    let turned = ["export", f, "--to", "hlsl", "--sun-azimuth-deg", "90", "-o", to];
+    refused(&run(turned), 2, &["--sun-zenith-deg"]);
+    refused(&run(["export", "fits/elm", "--to", "glsl", "-o", to]), 2, &["leaf", "glsl", "for sky fits"]);
     refused(&run(["export", f, "--to", "c", "--ground", "1.5", "-o", to]), 2, &["--ground"]);
     let beam = dir.path().join("beam");
     succeeded(&run(["fit", "beam", "--quiet", "--basis", "-o", beam.to_str().unwrap()]));
@@ -256,133 +201,4 @@ fn what_cannot_be_exported_is_a_sentence() {
     let text = export(&beam, &dir.path().join("beam.json"), &[]);
     let json: Value = serde_json::from_str(&text).unwrap();
     assert!(json["fit"]["all"]["a2"]["value"].as_array().unwrap().len() > 3);
-}
-
-#[cfg(feature = "render")]
-mod shader {
-    use super::*;
-    use mesophyll_viewer::{pollster, wgpu};
-    use wgpu::naga;
-
-    /// Every text is parsed and validated by naga. The polynomials are run where there is an adapter.
-    #[test]
-    fn the_wgsl_is_valid_and_equals_the_library() {
-        let dir = tempfile::tempdir().unwrap();
-        let device = open();
-        // Software adapters take ten seconds to compile one of them. So only the larger tier is run, and all are
-        // validated.
-        for (method, ground) in [("fine", 0.3), ("compact", 0.0), ("chebyshev", 0.0)] {
-            let folder = fit(dir.path(), method);
-            let text = export(&folder, &dir.path().join("sky.wgsl"), &["--ground", &ground.to_string()]);
-            valid(&text);
-            let Some((device, queue)) = device.as_ref().filter(|_| method == "fine") else { continue };
-            let got = evaluate(device, queue, &text);
-            let off = worst(&got, &library(&folder, ground));
-            println!("WGSL {method}: {off:.1e} of c00");
-            assert!(off < WGSL, "{method}: {off:e}");
-        }
-        let folder = dir.path().join("fine");
-        valid(&export(&folder, &dir.path().join("f.wgsl"), &["--sun-zenith-deg", "40", "--turbidity", "3"]));
-    }
-
-    fn valid(text: &str) {
-        let module = naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{}", e.emit_to_string(text)));
-        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
-            .validate(&module)
-            .unwrap();
-    }
-
-    fn open() -> Option<(wgpu::Device, wgpu::Queue)> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle().with_env());
-        let Ok(adapter) = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())) else {
-            skips::skip(Need::Adapter, "no graphics adapter (the text was parsed and validated only)");
-            return None;
-        };
-        println!("adapter {}", adapter.get_info().name);
-        if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS) {
-            skips::skip(Need::Elsewhere, "the adapter computes nothing (the text was parsed and validated only)");
-            return None;
-        }
-        pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).ok()
-    }
-
-    /// Evaluates each sky in one invocation.
-    fn evaluate(device: &wgpu::Device, queue: &wgpu::Queue, text: &str) -> Vec<f64> {
-        use wgpu::util::DeviceExt;
-        let all = skies();
-        // The numbers are in a storage buffer, as the text itself advises, because software adapters copy large
-        // constants at every access.
-        let (head, rest) = text.split_once("const SKY_VALUES: ").unwrap();
-        let (values, tail) = rest.split_once(");").unwrap();
-        let list = values.rsplit_once('(').unwrap().1;
-        let numbers: Vec<f32> =
-            list.split(',').map(str::trim).filter(|v| !v.is_empty()).map(|v| v.parse().unwrap()).collect();
-        let source = format!(
-            "{head}@group(0) @binding(2) var<storage, read> SKY_VALUES: array<f32>;{tail}
-@group(0) @binding(0) var<storage, read> suns: array<vec2<f32>>;
-@group(0) @binding(1) var<storage, read_write> results: array<f32>;
-@compute @workgroup_size(1) fn main(@builtin(global_invocation_id) id: vec3<u32>) {{
-    var terms = sky_terms(suns[id.x].x, suns[id.x].y);
-    for (var k = 0u; k < SKY_COEFFICIENTS; k++) {{
-        let c = sky_coefficient(&terms, k);
-        let at = 3u * (SKY_COEFFICIENTS * id.x + k);
-        results[at] = c.x;
-        results[at + 1u] = c.y;
-        results[at + 2u] = c.z;
-    }}
-}}"
-        );
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: None,
-            layout: None,
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: Default::default(),
-            cache: None,
-        });
-        let held: Vec<u8> = numbers.into_iter().flat_map(f32::to_le_bytes).collect();
-        let held = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: &held,
-            usage: wgpu::BufferUsages::STORAGE,
-        });
-        let input: Vec<u8> = all.iter().flat_map(|(s, t)| [*s as f32, *t as f32]).flat_map(f32::to_le_bytes).collect();
-        let suns = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: &input,
-            usage: wgpu::BufferUsages::STORAGE,
-        });
-        let size = (all.len() * 49 * 3 * 4) as u64;
-        let buffer = |usage| {
-            device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
-        };
-        let results = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
-        let back = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-        let bind = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: suns.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: results.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 2, resource: held.as_entire_binding() },
-            ],
-        });
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &bind, &[]);
-            pass.dispatch_workgroups(all.len() as u32, 1, 1);
-        }
-        encoder.copy_buffer_to_buffer(&results, 0, &back, 0, size);
-        queue.submit([encoder.finish()]);
-        back.map_async(wgpu::MapMode::Read, .., |r| r.unwrap());
-        device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
-        let view = back.get_mapped_range(..).unwrap();
-        view.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))).collect()
-    }
 }

@@ -116,6 +116,12 @@ impl HarmonicBasis {
         self.bands
     }
 
+    /// The recurrence of order `m`: the value of Y_mm without (x + iy)^m, and (α, β) of every later degree, with Y_l =
+    /// α (z Y_{l−1} − β Y_{l−2}). `m` is less than the number of bands.
+    pub fn recurrence(&self, m: usize) -> (f64, &[[f64; 2]]) {
+        (self.orders[m].first, &self.orders[m].steps)
+    }
+
     /// All N² values in the unit direction `d`; `out` has N² places.
     pub fn fill(&self, d: [f64; 3], out: &mut [f64]) {
         let (mut cos, mut sin) = (1.0, 0.0);

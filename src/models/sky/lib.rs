@@ -19,6 +19,7 @@
 //! - To light a surface: [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below.
 //! - For the sun's own light through that air: [`sun::irradiance`].
 //! - To know where a panorama looks: [`panorama`].
+//! - To know what a few bands miss of the radiance: [`truncation`].
 //! - To reduce the ringing of a truncated series: [`window`].
 //!
 //! Coefficients of a sky are a [`HarmonicCoefficients`]: N² values a channel. `project::direct(sky, 7)?` is the 49×3
@@ -37,6 +38,7 @@ pub mod projection;
 pub mod quadrature;
 pub mod response;
 pub mod sun;
+pub mod truncation;
 pub mod window;
 
 pub use harmonics::HarmonicCoefficients;
@@ -142,7 +144,7 @@ impl SkyModel {
 
 /// A sun that is at most this far below the horizon (rad; two arc seconds) counts as being on it, so that π/2 may be
 /// written with five digits.
-pub(crate) const HORIZON_ROUNDING: f64 = 1e-5;
+pub const HORIZON_ROUNDING: f64 = 1e-5;
 
 /// Checks the two parameters that every model has. Returns the sun's zenith angle, at most π/2.
 ///

@@ -8,9 +8,12 @@
 //! mass alone. Channels that would be negative (a deep red sun lies outside sRGB) are 0.
 
 use super::colour;
+use std::sync::OnceLock;
 
 /// Illuminance above the air at the mean distance (klx).
 const ABOVE: f64 = 133.1;
+/// Angle from the centre of the sun's disk to its edge (degrees), at the mean distance.
+pub const RADIUS_DEG: f64 = 0.2666;
 /// Effective temperature (K) and second radiation constant (nm K).
 const TEMPERATURE: f64 = 5772.0;
 const SECOND: f64 = 1.438_776_877e7;
@@ -30,16 +33,25 @@ pub(crate) fn air_mass(sun_zenith: f64) -> f64 {
     1.0 / (z.cos() + 0.15 * (93.885 - z.to_degrees()).powf(-1.253))
 }
 
-/// Share of the light of wavelength `nm` that comes through.
-pub fn transmittance(nm: f64, sun_zenith: f64, turbidity: f64) -> f64 {
-    let (m, um) = (air_mass(sun_zenith), nm / 1000.0);
-    let molecules = 0.008735 * um.powf(-4.08);
-    let haze = (0.04608 * turbidity - 0.04586).max(0.0) * um.powf(-1.3);
+/// Ångström's β of the haze.
+fn haze(turbidity: f64) -> f64 {
+    (0.04608 * turbidity - 0.04586).max(0.0)
+}
+
+/// Optical depths of one air mass at the wavelength `nm`: of molecules and ozone, and of haze of β = 1.
+fn depths(nm: f64) -> [f64; 2] {
+    let um = nm / 1000.0;
     let x = ((nm - 450.0) / 10.0).clamp(0.0, 33.0);
     let i = (x as usize).min(32);
     let ozone =
         if nm < 450.0 { 0.0 } else { OZONE * (ABSORPTION[i] + (x - i as f64) * (ABSORPTION[i + 1] - ABSORPTION[i])) };
-    (-m * (molecules + haze + ozone)).exp()
+    [0.008735 * um.powf(-4.08) + ozone, um.powf(-1.3)]
+}
+
+/// Share of the light of wavelength `nm` that comes through.
+pub fn transmittance(nm: f64, sun_zenith: f64, turbidity: f64) -> f64 {
+    let [clear, hazy] = depths(nm);
+    (-air_mass(sun_zenith) * (clear + haze(turbidity) * hazy)).exp()
 }
 
 /// CIE 1931 colour matching functions, the closed forms of Wyman, Sloan and Shirley 2013, Eq. 4.
@@ -55,17 +67,40 @@ pub(crate) fn matching(nm: f64) -> [f64; 3] {
     ]
 }
 
+/// One wavelength of sunlight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SunLine {
+    /// XYZ above the air (Y in klx), on a surface that faces the sun.
+    pub above: [f64; 3],
+    /// Optical depths of one air mass: of molecules and ozone, and of haze of β = 1.
+    pub depths: [f64; 2],
+}
+
+/// The wavelengths that sunlight is summed over.
+pub fn lines() -> &'static [SunLine] {
+    static LINES: OnceLock<Vec<SunLine>> = OnceLock::new();
+    LINES.get_or_init(|| {
+        let each: Vec<(f64, [f64; 3])> = (0..=80)
+            .map(|k| {
+                let nm = 380.0 + 5.0 * f64::from(k);
+                let power = (nm / 560.0).powi(-5) / ((SECOND / (nm * TEMPERATURE)).exp() - 1.0);
+                (nm, matching(nm).map(|eye| power * eye))
+            })
+            .collect();
+        let seen: f64 = each.iter().map(|(_, xyz)| xyz[1]).sum();
+        each.into_iter().map(|(nm, xyz)| SunLine { above: xyz.map(|v| ABOVE * v / seen), depths: depths(nm) }).collect()
+    })
+}
+
 /// XYZ (Y in klx) on a surface that faces the sun.
 pub fn xyz(sun_zenith: f64, turbidity: f64) -> [f64; 3] {
-    let (mut sum, mut above) = ([0.0; 3], 0.0);
-    for k in 0..=80 {
-        let nm = 380.0 + 5.0 * f64::from(k);
-        let power = (nm / 560.0).powi(-5) / ((SECOND / (nm * TEMPERATURE)).exp() - 1.0);
-        let (through, eye) = (transmittance(nm, sun_zenith, turbidity), matching(nm));
-        above += power * eye[1];
-        (0..3).for_each(|c| sum[c] += power * through * eye[c]);
+    let (mass, haze) = (air_mass(sun_zenith), haze(turbidity));
+    let mut sum = [0.0; 3];
+    for line in lines() {
+        let through = (-mass * (line.depths[0] + haze * line.depths[1])).exp();
+        (0..3).for_each(|c| sum[c] += through * line.above[c]);
     }
-    sum.map(|v| ABOVE * v / above)
+    sum
 }
 
 /// Linear sRGB (klx) on a surface that faces the sun; not negative.

@@ -82,9 +82,13 @@ pub enum ExportFormat {
     /// A leaf or a whole scene as one file for the viewer in a browser (docs/web.md): whatever the window shows, with
     /// the reference pictures of a check
     Web,
-    /// A sky's fitted harmonics with an evaluator for shaders, f32
+    /// A sky as functions for shaders of WebGPU: radiance, irradiance, the sky itself, the sun and its disk
     Wgsl,
-    /// A sky's fitted harmonics with an evaluator as a C header, float or double
+    /// The same for shaders of OpenGL and Vulkan
+    Glsl,
+    /// The same for shaders of Direct3D
+    Hlsl,
+    /// The same as a C header, float or double
     C,
 }
 
@@ -113,6 +117,11 @@ impl ExportFormat {
         )
     }
 
+    /// Whether it is the text of a sky's functions.
+    pub fn is_source(self) -> bool {
+        matches!(self, ExportFormat::Wgsl | ExportFormat::Glsl | ExportFormat::Hlsl | ExportFormat::C)
+    }
+
     /// Whether a scene can be written so, with everything that stands in it.
     pub fn holds_scenes(self) -> bool {
         self.is_assembly() || self == ExportFormat::GltfTranslucent
@@ -137,6 +146,8 @@ impl ExportFormat {
             ExportFormat::Materialx => &["mtlx", "exr", "json"],
             ExportFormat::Web => &["mesophyll"],
             ExportFormat::Wgsl => &["wgsl"],
+            ExportFormat::Glsl => &["glsl"],
+            ExportFormat::Hlsl => &["hlsl"],
             ExportFormat::C => &["h"],
         }
     }
@@ -232,9 +243,9 @@ pub fn export(folder: &Path, format: ExportFormat, path: &Path, sky: &SkyExportO
         return Err(Error::Usage("--to web: the file holds what the renderer draws, so it is made of a scene".into()));
     }
     if record.kind == FitKind::Sky {
-        if !matches!(format, ExportFormat::Wgsl | ExportFormat::C | ExportFormat::Json) {
+        if !format.is_source() && format != ExportFormat::Json {
             let what = format!(
-                "{} is a sky fit; it can be exported as wgsl, c or json, not as {}",
+                "{} is a sky fit; it can be exported as wgsl, glsl, hlsl, c or json, not as {}",
                 folder.display(),
                 format.name()
             );
@@ -243,9 +254,10 @@ pub fn export(folder: &Path, format: ExportFormat, path: &Path, sky: &SkyExportO
         atomic::write_bytes(path, sky::text(folder, format, sky)?.as_bytes())?;
         return Ok(vec![path.to_path_buf()].into());
     }
-    if matches!(format, ExportFormat::Wgsl | ExportFormat::C) || !sky.is_plain() {
+    if format.is_source() || !sky.is_plain() {
         let what = format!(
-            "{} is a {}; --to wgsl, --to c, --sun-zenith-deg, --turbidity and --ground are for sky fits",
+            "{} is a {}; --to wgsl, glsl, hlsl and c, --sun-zenith-deg, --sun-azimuth-deg, --turbidity and \
+             --ground are for sky fits",
             folder.display(),
             record.kind.words()
         );
@@ -264,9 +276,8 @@ pub fn export(folder: &Path, format: ExportFormat, path: &Path, sky: &SkyExportO
     record.verify(folder)?;
     let alone = || vec![path.to_path_buf()];
     Ok(match format {
-        ExportFormat::Json | ExportFormat::Pivots | ExportFormat::Web | ExportFormat::Wgsl | ExportFormat::C => {
-            Vec::new().into()
-        }
+        ExportFormat::Json | ExportFormat::Pivots | ExportFormat::Web => Vec::new().into(),
+        source if source.is_source() => Vec::new().into(),
         ExportFormat::Png => texture::folder(&sides, folder, path)?.into(),
         ExportFormat::Packed => packing::folder(&sides, folder, path)?.into(),
         ExportFormat::Sigma => sigma::folder(&sides, folder, path)?,

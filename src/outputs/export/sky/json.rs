@@ -9,11 +9,11 @@ use mesophyll_sky::polynomials::mix::TURBIDITY_ZERO;
 use serde_json::{Value, json};
 use std::path::Path;
 
-fn conventions() -> Value {
+fn conventions(sun: &str) -> Value {
     json!({
         "harmonics": "real, orthonormal, no Condon-Shortley phase, index l(l+1)+m; cos(m phi) for m > 0, sin(|m| phi) \
          for m < 0",
-        "axes": "z up, sun at azimuth 0 = +x",
+        "axes": format!("z up, {sun}, azimuth from +x to +y"),
         "hemisphere": "upper; zero below the horizon, but for ground light",
         "unit": "kcd/m2",
         "colour": "linear sRGB, not clamped",
@@ -45,8 +45,9 @@ pub fn fixed(
     finished(&json!({
         "name": record.name,
         "program": record.program,
-        "conventions": conventions(),
+        "conventions": conventions("the sun at sun_azimuth"),
         "sun_zenith": sun,
+        "sun_azimuth": options.azimuth,
         "turbidity": turbidity,
         "ground": options.ground,
         "error": error(record),
@@ -68,7 +69,7 @@ pub fn polynomials(e: &Evaluator, record: &FitRecord, folder: &Path, ground: f64
         })
         .collect();
     let mut sky = json!({
-        "conventions": conventions(),
+        "conventions": conventions("the sun at azimuth 0 = +x"),
         "error": error(record),
         "bands": e.bands,
         "sun_zenith": [0.0, std::f64::consts::FRAC_PI_2],

@@ -1,19 +1,26 @@
-//! A fitted sky as text that other programs compile or read: WGSL, a C header, JSON. It is either the polynomials with
-//! their evaluator, or the N²×3 numbers for one sun and turbidity.
+//! A fitted sky as text that other programs compile or read: WGSL, GLSL, HLSL, a C header, JSON. It is either the
+//! polynomials with their evaluator, or the N²×3 numbers for one sun and turbidity. One writer ([`language`]) writes
+//! all four languages, so that a function is in all of them or in none.
 
-mod c;
+mod fitted;
+mod functions;
 mod json;
-mod wgsl;
+mod language;
+mod state;
 
 use super::ExportFormat;
 use crate::{Error, Result};
+use language::{SourceLanguage, SourceText, ValueType};
 use mesophyll_fits::record::FitRecord;
 use mesophyll_fits::sky::{SkyFitForm, folder};
+use mesophyll_sky::harmonics::rotate_z;
 use mesophyll_sky::irradiance::{add_ground, below_horizon};
 use mesophyll_sky::polynomials::mix::{TURBIDITY_ZERO, rgb_from_separable};
 use mesophyll_sky::polynomials::{FoldedPolynomials, PolynomialBasis};
-use mesophyll_sky::{HarmonicCoefficients, preetham};
-use std::f64::consts::PI;
+use mesophyll_sky::truncation::{RadianceError, radiance_error};
+use mesophyll_sky::{HarmonicCoefficients, Preetham, SkyModel, SkyRefusal, preetham};
+use state::{SkyAccess, SkyConstants};
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
 /// The options of a sky's export, besides its format.
@@ -21,6 +28,8 @@ use std::path::Path;
 pub struct SkyExportOptions {
     /// Sun zenith angle (rad) and turbidity. If given, only the numbers for these are written, without polynomials.
     pub fixed: Option<(f64, f64)>,
+    /// Azimuth of the sun (rad), where the sky is fixed.
+    pub azimuth: f64,
     /// Albedo of level ground that lights the lower hemisphere, 0 to 1; 0 leaves it dark.
     pub ground: f64,
 }
@@ -96,13 +105,9 @@ impl Evaluator {
         }
     }
 
-    /// For each of the N² coefficients, the function that gives it, numbered through all groups; −1 where m < 0.
-    fn functions(&self) -> Vec<i32> {
-        let mut out = vec![-1; self.bands * self.bands];
-        for (k, place) in self.groups.iter().flat_map(|g| &g.places).enumerate() {
-            out[*place] = k as i32;
-        }
-        out
+    /// l(l+1)+m of every function, through all groups.
+    fn places(&self) -> impl Iterator<Item = usize> + '_ {
+        self.groups.iter().flat_map(|g| g.places.iter().copied())
     }
 
     /// Number of functions of the first group.
@@ -110,6 +115,7 @@ impl Evaluator {
         self.groups[0].places.len()
     }
 
+    /// Function by function, term by term, three values.
     fn values(&self) -> impl Iterator<Item = f32> + '_ {
         self.groups.iter().flat_map(|g| g.values.iter().flatten().copied())
     }
@@ -136,27 +142,43 @@ pub fn text(folder: &Path, format: ExportFormat, options: &SkyExportOptions) -> 
     if !(0.0..=1.0).contains(&options.ground) {
         return Err(Error::Usage(format!("--ground is {}; expected an albedo of 0 to 1", options.ground)));
     }
+    if !options.azimuth.is_finite() {
+        let what = format!("--sun-azimuth-deg is {}; expected a finite angle", options.azimuth);
+        return Err(Error::Usage(what));
+    }
     if options.ground > 0.0 && form.bands() < 2 {
         return Err(Error::Usage(
             "--ground needs a fit of two bands or more: the ground's light is the irradiance of two".into(),
         ));
     }
-    if let Some((sun, turbidity)) = options.fixed {
-        let c = coefficients(&form, sun, turbidity).map_err(|e| Error::Usage(e.to_string()))?;
-        let c = if options.ground > 0.0 { add_ground(&c, [options.ground; 3], [0.0; 3]) } else { c };
-        let about = about(&record, &form, options);
-        return match format {
-            ExportFormat::Wgsl => Ok(wgsl::fixed(&c, &about)),
-            ExportFormat::C => Ok(c::fixed(&c, &about)),
-            _ => json::fixed(&c, &record, options, sun, turbidity),
+    let refused = |e: SkyRefusal| Error::Usage(e.to_string());
+    let closed = record.options.get("model").is_some_and(|name| *name == SkyModel::Preetham.to_string());
+    let source = SourceLanguage::of(format);
+    let Some((sun_zenith, turbidity)) = options.fixed else {
+        let evaluator = Evaluator::new(&form);
+        let Some(language) = source else {
+            return json::polynomials(&evaluator, &record, folder, options.ground);
         };
-    }
-    let evaluator = Evaluator::new(&form);
-    match format {
-        ExportFormat::Wgsl => Ok(wgsl::polynomials(&evaluator, &about(&record, &form, options), options.ground)),
-        ExportFormat::C => Ok(c::polynomials(&evaluator, &about(&record, &form, options), options.ground)),
-        _ => json::polynomials(&evaluator, &record, folder, options.ground),
-    }
+        let mut text = SourceText::new(language, &about(&record, &form, options, closed)?);
+        state::describe(&mut text, form.bands(), closed);
+        fitted::write(&mut text, &evaluator, options.ground, closed);
+        let access = SkyAccess { fixed: false, closed, arrow: !language.is_shader() };
+        functions::write(&mut text, access, form.bands());
+        return Ok(text.finish());
+    };
+    let upper = coefficients(&form, sun_zenith, turbidity).map_err(refused)?;
+    let ground = state::of_ground(&upper, options.ground);
+    let harmonics = if options.ground > 0.0 { add_ground(&upper, [options.ground; 3], [0.0; 3]) } else { upper };
+    let Some(language) = source else {
+        return json::fixed(&rotate_z(&harmonics, options.azimuth), &record, options, sun_zenith, turbidity);
+    };
+    let mut text = SourceText::new(language, &about(&record, &form, options, closed)?);
+    text.constant(ValueType::Whole, "SKY_BANDS", &form.bands().to_string());
+    let sun_zenith = sun_zenith.min(FRAC_PI_2);
+    let sky = SkyConstants { sun_zenith, azimuth: options.azimuth, turbidity, harmonics, ground };
+    state::constants(&mut text, &sky, closed).map_err(refused)?;
+    functions::write(&mut text, SkyAccess { fixed: true, closed, arrow: false }, form.bands());
+    Ok(text.finish())
 }
 
 /// The coefficients in f64, from the arrays as stored.
@@ -172,55 +194,69 @@ fn coefficients(
 }
 
 /// Lines for the head of a text: what the numbers are, where they are valid, and their largest error.
-fn about(record: &FitRecord, form: &SkyFitForm<f32>, options: &SkyExportOptions) -> Vec<String> {
+fn about(record: &FitRecord, form: &SkyFitForm<f32>, options: &SkyExportOptions, closed: bool) -> Result<Vec<String>> {
     let figure = |name: &str| record.sections.get("all").and_then(|s| s.figures.get(name)).copied().unwrap_or(f64::NAN);
-    let mut lines = vec![
-        format!("Spherical harmonics of the sky: {} ({}), {} bands.", record.name, record.program, form.bands()),
-        String::new(),
-        "Coefficients of the upper hemisphere (below the horizon zero, but for ground light), linear sRGB, not \
-         clamped, kcd/m2; the".into(),
-        "sun's disk is not part of the sky. Real orthonormal harmonics without the Condon-Shortley phase at index \
-         l(l+1)+m: cos(m phi)"
-            .into(),
-        "for m > 0, sin(|m| phi) for m < 0. z is up, the sun stands at azimuth 0 = +x, so that m < 0 are zero; turn by \
-         rotating about z."
-            .into(),
-    ];
-    match options.fixed {
-        Some((sun, turbidity)) => {
-            lines.push(format!("Sun {:.6} degrees from the zenith, turbidity {turbidity}.", sun.to_degrees()))
-        }
-        None => {
-            let [low, high] = form.turbidities();
-            lines.push(format!(
-                "Domain: sun zenith angle 0 to pi/2 (rad), turbidity {low} to {high}. Outside, the \
-             result means nothing."
-            ));
-        }
+    let mut lines: Vec<String> = [
+        &format!("A clear sky: {} ({}), {} bands.", record.name, record.program, form.bands()),
+        "",
+        "z is up, azimuth grows from +x to +y, angles are radians; directions and normals have length 1 and point",
+        "away from the surface. Radiance is in kcd/m2, irradiance in klx, both as linear sRGB, not clamped. The sun's",
+        "disk is not part of the sky: a surface gets sky_irradiance, and sky_sun_light times the cosine to the sun.",
+        "Harmonics are real and orthonormal without the Condon-Shortley phase, at index l(l+1)+m: cos(m phi) for",
+        "m > 0, sin(|m| phi) for m < 0; of the upper hemisphere, and zero below the horizon but for ground light.",
+        "",
+    ]
+    .map(String::from)
+    .to_vec();
+    let mut skies = Vec::new();
+    if let Some((sun, turbidity)) = options.fixed {
+        lines.push(format!("Sun {:.6} degrees from the zenith, turbidity {turbidity}.", sun.to_degrees()));
+        lines.push("Any other azimuth of the sun: change SKY_AZIMUTH_COS and SKY_AZIMUTH_SIN.".into());
+        skies.push((sun, turbidity));
+    } else {
+        let [low, high] = form.turbidities();
+        lines.push(format!("Domain: sun zenith angle 0 to pi/2, turbidity {low} to {high}. Make a state by sky_at."));
+        let turbidities = [low, 0.5 * (low + high), high];
+        skies.extend((0..=6).flat_map(|k| turbidities.map(|t| (FRAC_PI_2 * f64::from(k) / 6.0, t))));
     }
-    lines.push(format!(
-        "Error of the fit against direct integration: at most {:.1e}, median {:.1e} (root of the sum of squared \
-         coefficient errors over",
-        figure("error_worst"),
-        figure("error_median")
-    ));
-    lines.push(format!(
-        "the smallest c00 of the domain, {:.4} kcd/m2; worst channel, worst sky).",
-        figure("smallest_c00")
-    ));
-    if options.ground > 0.0 {
+    let albedo = options.ground;
+    if albedo > 0.0 {
         lines.push(format!(
-            "Below the horizon: level matte ground of albedo {}, lit by this sky (not by the sun).",
-            options.ground
+            "Below the horizon: level matte ground of albedo {albedo}, lit by this sky (not by the sun)."
         ));
     }
-    lines
-}
-
-/// Numbers in lines of `each`, each followed by `suffix`. Reading them gives exactly the same numbers.
-fn listed(values: impl Iterator<Item = f32>, each: usize, suffix: &str) -> String {
-    let all: Vec<String> = values.map(|v| format!("{v:e}{suffix}")).collect();
-    all.chunks(each).map(|row| format!("    {},\n", row.join(", "))).collect()
+    lines.extend([
+        format!(
+            "Error of the coefficients against direct integration: at most {:.1e}, median {:.1e} (root of the sum of",
+            figure("error_worst"),
+            figure("error_median")
+        ),
+        format!(
+            "squares over the smallest c00 of the domain, {:.4} kcd/m2; worst channel, worst sky).",
+            figure("smallest_c00")
+        ),
+    ]);
+    if closed {
+        let refused = |e: SkyRefusal| Error::Usage(e.to_string());
+        let mut worst = RadianceError { dome: 0.0, horizon: 0.0 };
+        for (sun, turbidity) in skies {
+            let sky = Preetham.at(sun, turbidity).map_err(refused)?;
+            let c = coefficients(form, sun, turbidity).map_err(refused)?;
+            worst = worst.or_worse(radiance_error(&c, &sky));
+        }
+        let which = if options.fixed.is_some() { "of this sky" } else { "of the worst sky" };
+        lines.push(format!(
+            "Error of sky_radiance {which}: {:.0} % over the dome and {:.0} % at the horizon (root mean square), for",
+            100.0 * worst.dome,
+            100.0 * worst.horizon
+        ));
+        lines.push(
+            "bands are few: it is for lighting. sky_drawn is the model itself, right to the rounding of float.".into(),
+        );
+    } else {
+        lines.push("sky_radiance is for lighting. This model has no closed form here to draw the sky by.".into());
+    }
+    Ok(lines)
 }
 
 /// Preetham's constants by name, for formats that spell the formulas out.

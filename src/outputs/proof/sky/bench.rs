@@ -1,6 +1,7 @@
 //! `bench sky`: error against terms, bytes, fit time and evaluation time, with the dissertation's fit for comparison;
 //! also integration and windows.
 
+use super::dome;
 use super::figures::{
     self, DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_US, FrontierPoint,
 };
@@ -79,6 +80,7 @@ pub fn bench_rows() -> Result<Vec<BenchRow>> {
         );
         rows.push(row("window", r.window.name, f64::NAN, f64::NAN, note));
     }
+    rows.extend(dome::bench_rows()?);
     Ok(rows)
 }
 

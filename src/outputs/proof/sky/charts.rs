@@ -1,5 +1,6 @@
 //! The pictures of the sky's fits: the frontier, errors by band, the worst case and the ringing, as SVG.
 
+use crate::sky::dome;
 use crate::sky::figures::{
     DISSERTATION_BYTES, DISSERTATION_ERROR, DISSERTATION_FIT_S, DISSERTATION_TERMS, DISSERTATION_US, FrontierPoint,
     SkyProofCurve, SkyProofFigures,
@@ -12,11 +13,11 @@ use plotters::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = std::result::Result<(), String>;
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Drawn = std::result::Result<(), String>;
 
-/// Draws `sky-frontier.svg`, `sky-error-by-band.svg`, `sky-worst.svg` and `sky-ringing.svg` into `folder`; returns the
-/// files.
+/// Draws `sky-frontier.svg`, `sky-error-by-band.svg`, `sky-worst.svg`, `sky-ringing.svg` and `sky-radiance.svg` into
+/// `folder`; returns the files.
 ///
 /// # Errors
 /// [`Error::Write`] where a file cannot be written.
@@ -73,10 +74,11 @@ pub fn pictures(folder: &Path, figures: &SkyProofFigures) -> Result<Vec<PathBuf>
             SeriesLabelPosition::UpperLeft,
         )
     })?;
+    save("sky-radiance.svg", (980, 460), &|area| dome::picture(area))?;
     Ok(files)
 }
 
-fn text(e: impl std::fmt::Display) -> String {
+pub(super) fn text(e: impl std::fmt::Display) -> String {
     format!("cannot draw: {e}")
 }
 

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod charts;
+pub mod dome;
 mod faults;
 pub mod figures;
 pub mod stress;

@@ -4,6 +4,7 @@ use super::table::StatedTable;
 use crate::manifest::Result;
 use crate::manifest::picture::PictureSky;
 use mesophyll_sky::SkyModel;
+use mesophyll_sky::sun::RADIUS_DEG;
 use mesophyll_transport::transfer::TransferMethod;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -56,15 +57,12 @@ impl SceneSun {
                 return Err(t.missing("irradiance", what));
             }
         };
-        let radius_deg = t.stated("radius_deg")?.unwrap_or(REAL_RADIUS);
+        let radius_deg = t.stated("radius_deg")?.unwrap_or(RADIUS_DEG);
         let moves = t.stated("moves")?.unwrap_or_default();
         t.finish(", which is no field of a sun")?;
         Ok(SceneSun { zenith_deg, azimuth_deg, light, radius_deg, moves })
     }
 }
-
-/// Angular radius of the real sun (degrees).
-const REAL_RADIUS: f64 = 0.2666;
 
 /// Where the sun of a sky that is a picture is to be found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
