@@ -22,6 +22,7 @@ mod grass_pass;
 mod grass_tiling;
 mod lawn;
 mod look;
+mod other_side;
 #[cfg(feature = "render")]
 mod parts;
 mod pivots;

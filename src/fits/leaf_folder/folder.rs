@@ -1,6 +1,7 @@
 //! The folder of a leaf fit: the names of its files, and the fit as it is read.
 
 use crate::leaf_folder::edit::{self, LeafSideEdit};
+use crate::leaf_folder::other_side::OtherSide;
 use crate::leaf_folder::{Error, Result};
 use crate::record::{FitKind, FitRecord, RecordSection};
 use mesophyll_files::hash;
@@ -63,6 +64,8 @@ pub struct LeafFit {
     /// Its `fit.toml`.
     pub record: FitRecord,
     maps: Arc<Sides<OnceLock<ChannelMaps>>>,
+    /// The side that was not measured, and what a scene says of it.
+    other: Option<(Side, OtherSide)>,
     /// What was changed by hand since the leaf was fitted, and the fit before the change.
     edited: Option<(Sides<LeafSideEdit>, Box<LeafFit>)>,
 }
@@ -89,12 +92,31 @@ impl LeafFit {
     pub fn open_as(folder: &Path, kind: FitKind) -> Result<LeafFit> {
         let record = FitRecord::read_as(folder, kind)?;
         let name = record.name.clone();
-        Ok(LeafFit { name, folder: folder.into(), record, maps: Arc::default(), edited: None })
+        Ok(LeafFit { name, folder: folder.into(), record, maps: Arc::default(), other: None, edited: None })
     }
 
     /// The same under the name that a scene gives it.
     pub fn called(self, name: &str) -> LeafFit {
         LeafFit { name: name.into(), ..self }
+    }
+
+    /// The leaf with this for the side that was not measured. A leaf whose sides were both measured stays as it is.
+    pub fn completed(self, other: &OtherSide) -> LeafFit {
+        let Some(side) = Side::ALL.into_iter().find(|side| !self.has(*side)) else { return self };
+        let mut record = self.record.clone();
+        if let Some(mut section) = record.sections.get(side.other().name()).cloned() {
+            // How well the measured side was met says nothing of this one.
+            (section.residuals, section.truth, section.figures) = Default::default();
+            (section.held_out, section.light_box) = Default::default();
+            record.sections.insert(side.name().into(), section);
+        }
+        record.options.insert("other_side".into(), other.said(side));
+        LeafFit { record, maps: Arc::default(), other: Some((side, other.clone())), ..self }
+    }
+
+    /// The side that was not measured, where something stands for it.
+    pub fn unmeasured(&self) -> Option<(Side, &OtherSide)> {
+        self.other.as_ref().map(|(side, other)| (*side, other))
     }
 
     /// The leaf with values changed by hand. Its record changes at once, its maps when they are asked for. The ρd and
@@ -204,9 +226,10 @@ impl LeafFit {
         if let Some(maps) = place.get() {
             return Ok(maps);
         }
-        let maps = match &self.edited {
-            None => image::read_exr(&self.path(LeafFitFile::Maps, side))?,
-            Some((edits, fit)) => {
+        let maps = match (&self.edited, &self.other) {
+            (None, Some((own, other))) if *own == side => other.maps(self, side)?,
+            (None, _) => image::read_exr(&self.path(LeafFitFile::Maps, side))?,
+            (Some((edits, fit)), _) => {
                 let mut maps = fit.maps(side)?.clone();
                 edits[side].maps(&mut maps, self.thickness(side)?);
                 maps
@@ -245,7 +268,8 @@ impl LeafFit {
     /// # Errors
     /// [`Error::Input`] for a file that is missing or damaged.
     pub fn info(&self, side: Side) -> Result<ExrInfo> {
-        image::exr_info(&self.path(LeafFitFile::Maps, side))
+        let own = self.unmeasured().is_some_and(|(other, _)| other == side);
+        image::exr_info(&self.path(LeafFitFile::Maps, if own { side.other() } else { side }))
     }
 
     /// The blade's mesh; `None` where the fit made none.

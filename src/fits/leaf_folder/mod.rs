@@ -11,6 +11,7 @@ pub mod edit;
 pub mod filling;
 mod folder;
 pub mod frames;
+pub mod other_side;
 pub mod packing;
 pub mod previews;
 

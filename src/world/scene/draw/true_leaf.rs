@@ -31,6 +31,10 @@ pub fn replace(world: &mut transport::ReferenceWorld, scene: &LoadedScene, out: 
         let (Some(mesh), Some(drawn)) = (&leaf.placed.mesh, world.leaves.get_mut(k)) else { continue };
         let mut replaced = false;
         for (s, side) in Side::ALL.into_iter().enumerate().filter(|(s, _)| leaf.plan.sides[*s].any()) {
+            // What stands for a side is no measurement that a truth could be held against.
+            if leaf.placed.fitted.as_ref().and_then(|fit| fit.unmeasured()).is_some_and(|(own, _)| own == side) {
+                continue;
+            }
             let path = truth_path(&capture, side);
             let Some(truth) = open(&path, drawn)? else { continue };
             let place = if s == 0 { &mut drawn.front } else { &mut drawn.back };

@@ -6,6 +6,7 @@ use super::table::StatedTable;
 use crate::manifest::Result;
 use mesophyll_base::surface::basis::TranslucencyBasis;
 use mesophyll_files::unit::LengthUnit;
+use mesophyll_fits::leaf_folder::other_side::OtherSide;
 use mesophyll_fits::look::Look;
 use mesophyll_fits::translucency::{Options, TissueName, TissueSource, TranslucencyColour};
 use mesophyll_optics::gloss::{Lobe, LobeKind};
@@ -72,6 +73,8 @@ pub struct FitOrigin {
     pub capture: Option<PathBuf>,
     /// A synthetic scan, which is made where there is no capture.
     pub scan: Option<StatedScan>,
+    /// What stands for a side that the fit does not have.
+    pub other_side: Option<OtherSide>,
 }
 
 /// A leaf of layers.
@@ -142,7 +145,8 @@ impl StatedLeaf {
                 let meant = ["capture", "scan", "look", "uniform", "foliar", "like"];
                 return Err(t.missing(meant.into_iter().find(|key| t.near(key).is_some()).unwrap_or("fit"), what));
             }
-            (LeafOrigin::Fitted(FitOrigin { fit, capture, scan }), "is drawn by the maps of a fit")
+            let other_side = t.stated("other_side")?;
+            (LeafOrigin::Fitted(FitOrigin { fit, capture, scan, other_side }), "is drawn by the maps of a fit")
         };
         let maps = !matches!(origin, LeafOrigin::Uniform(_) | LeafOrigin::Layered(_));
         let layered = matches!(origin, LeafOrigin::Layered(_));

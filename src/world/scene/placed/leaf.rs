@@ -13,6 +13,7 @@ use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_files::unit::LengthUnit;
+use mesophyll_fits::leaf_folder::other_side::OtherSide;
 use mesophyll_fits::leaf_folder::{BLADE, LeafFit};
 use mesophyll_plants::import::{plant::part, soup};
 use mesophyll_plants::{file, growth};
@@ -92,6 +93,9 @@ impl PlacedLeaf {
                 ledger.note("read", format!("{}/fit.toml", leaf.name), 0, || LeafFit::open(folder))?.called(&leaf.name),
             );
         }
+        if let Some(other) = leaf.fit().and_then(|f| f.other_side.as_ref()) {
+            out.fitted = out.fitted.map(|fitted| completed(manifest, leaf, fitted, other)).transpose()?;
+        }
         if compared && out.fitted.as_ref().is_some_and(LeafFit::is_stated) {
             let what = "stated, not fitted; a card, and a view as its scan saw it, compare a leaf with its tissue, of \
                         which a picture says nothing: expected a fitted leaf";
@@ -156,6 +160,15 @@ impl PlacedLeaf {
     pub fn mesh_name(&self) -> String {
         self.mesh_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     }
+}
+
+/// The fit with what the scene says of the side that was not measured.
+fn completed(manifest: &SceneManifest, leaf: &Config, fitted: LeafFit, other: &OtherSide) -> Result<LeafFit> {
+    if fitted.sides().count() != 1 {
+        let what = format!("given, but {} has both sides; expected a fit with one side", fitted.folder.display());
+        return Err(Error::field(&manifest.path, &format!("leaf \"{}\": other_side", leaf.name), what));
+    }
+    Ok(fitted.completed(other))
 }
 
 /// The axis of a mesh's file that points up in a scene which does not say so: glTF's y, but for a blade, which lies in

@@ -148,9 +148,16 @@ impl PlacedScene {
         Ok(())
     }
 
-    /// A sentence for each leaf whose look is stated and not fitted, with all that is stated.
+    /// A sentence for each leaf whose look is stated and not fitted, with all that is stated, and for each side of a
+    /// leaf that was not measured.
     pub fn stated(&self) -> Vec<String> {
-        self.leaves.iter().filter_map(|l| l.fitted.as_ref()?.record.stated_in_one()).collect()
+        let fits = || self.leaves.iter().filter_map(|l| l.fitted.as_ref());
+        let looks = fits().filter_map(|fit| fit.record.stated_in_one());
+        let sides = fits().filter_map(|fit| {
+            let (side, other) = fit.unmeasured()?;
+            Some(format!("{}: {}", fit.name, other.said(side)))
+        });
+        looks.chain(sides).collect()
     }
 
     /// Makes the maps of leaves whose look is stated, in a run's folder `out`. That takes seconds, unlike a fit.

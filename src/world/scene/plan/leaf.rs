@@ -5,10 +5,10 @@
 
 use super::accuracy::AccuracyRow;
 use super::{LeafPlan, PlanNeed, PlanOmission, ScenePlan, SideNeeds};
-use crate::Result;
 use crate::manifest::{InteriorSource, SceneManifest};
 use crate::placed::fits::reader::{self, GAMMA_DELTA, GLOSS, NORMAL, texture};
 use crate::placed::leaf::PlacedLeaf;
+use crate::{Error, Result};
 use mesophyll_fits::leaf_folder::{BLADE, LeafFit, LeafFitFile};
 use mesophyll_fits::record::FitTimes;
 use mesophyll_optics::side::Side;
@@ -110,6 +110,9 @@ impl ScenePlan {
             need.hash = fitted.map(|f| f.record.input_hash.clone());
             self.need(need);
         }
+        if let Some((side, other)) = leaf.fitted.as_ref().and_then(LeafFit::unmeasured) {
+            self.need(PlanNeed::new(format!("{name}: {} not measured", side.name()), other.said(side)));
+        }
         for said in leaf.fitted.iter().flat_map(|f| f.record.stated()) {
             self.need(PlanNeed::new(format!("{name}: stated, not fitted"), said));
         }
@@ -122,8 +125,14 @@ impl ScenePlan {
     pub fn shape(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, fitted: &LeafFit) -> Result<()> {
         let config = &manifest.leaves[leaf.index];
         for (side, needs) in Side::ALL.into_iter().zip(self.leaves[leaf.index].sides) {
-            if needs.any() || needs.mean {
-                fitted.section(side)?;
+            if (needs.any() || needs.mean) && !fitted.has(side) {
+                let what = format!(
+                    "the scene shows the {}, which {} does not have; expected other_side = \"mirrored\" beside fit, \
+                     other_side = {{ rho_d = [...] }} with a reflection of your own, or a fit of both sides",
+                    side.name(),
+                    fitted.folder.display()
+                );
+                return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
             }
         }
         if leaf.mesh.is_some() {

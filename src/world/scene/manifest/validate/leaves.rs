@@ -1,7 +1,8 @@
 //! Checks leaves: each has one source of data, and its fields belong together.
 
 use super::place::ManifestText;
-use crate::manifest::{LeafOrigin, Result, StatedLeaf, UniformLeaf};
+use crate::manifest::{InteriorSource, LeafOrigin, Result, StatedLeaf, UniformLeaf};
+use mesophyll_fits::leaf_folder::other_side::OtherSide;
 use mesophyll_transport::lobe::M_FLOOR;
 
 const HEADER: &str = "[[leaf]]";
@@ -43,6 +44,10 @@ pub fn leaves(p: &ManifestText) -> Result<()> {
         if leaf.mesh_up.is_some() && (leaf.mesh.is_none() || leaf.part.is_some()) {
             let what = "given without a mesh, or with a part, which stands as its plant does; expected a mesh alone";
             return Err(p.error(HEADER, i, "mesh_up", what));
+        }
+        let origin = like.unwrap_or(leaf);
+        if let Some(other) = origin.fit().and_then(|f| f.other_side.as_ref()) {
+            one_other_side(p, i, leaf, other)?;
         }
         let scan = leaf.fit().and_then(|f| f.scan.as_ref());
         if scan.is_some() && leaf.fit().is_some_and(|f| f.capture.is_some()) {
@@ -87,6 +92,27 @@ fn shaped(p: &ManifestText, i: usize, key: &str, leaf: &StatedLeaf) -> Result<()
         (Some(_), Some(_)) => Err(p.error(HEADER, i, "discs", "given beside a mesh; expected one of the two")),
         _ => Ok(()),
     }
+}
+
+/// Checks what stands for the side of a leaf that was not measured.
+fn one_other_side(p: &ManifestText, i: usize, leaf: &StatedLeaf, other: &OtherSide) -> Result<()> {
+    const KEY: &str = "other_side";
+    if leaf.translucency.is_some() {
+        let what = "given for a leaf with translucency, whose maps need both sides measured; expected one of the two";
+        return Err(p.error(HEADER, i, KEY, what));
+    }
+    let OtherSide::Stated(stated) = other else { return Ok(()) };
+    if leaf.interior == InteriorSource::Maps {
+        let what = "states a reflection, but interior = \"maps\" takes it from the maps of the tissue; expected \
+                    \"mirrored\", or interior = \"scalars\"";
+        return Err(p.error(HEADER, i, KEY, what));
+    }
+    for (name, values) in [("rho_d", stated.rho_d), ("rho_s", stated.rho_s)] {
+        for value in values {
+            p.range(HEADER, i, KEY, value, [0.0, 1.0], &format!("of {name}"))?;
+        }
+    }
+    p.range(HEADER, i, KEY, stated.m, [M_FLOOR, 2.0], "of slope m")
 }
 
 fn one_uniform(p: &ManifestText, i: usize, leaf: &StatedLeaf, uniform: &UniformLeaf) -> Result<()> {

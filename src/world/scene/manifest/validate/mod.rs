@@ -300,7 +300,7 @@ max_error = 0.1
             "[[leaf]]\nname = \"twin\"\nlike = \"elm\"\nlobe = \"ggx\"\ninterior = \"maps\"\ntranslucency = {}\n";
         let both = parse(&GOOD.replacen("[[instance]]", &format!("{twin}[[instance]]"), 1));
         let [elm, like] = &both.leaves[..] else { panic!("{:?}", both.leaves) };
-        let fit = super::super::FitOrigin { fit: Some("fits/elm".into()), capture: None, scan: None };
+        let fit = super::super::FitOrigin { fit: Some("fits/elm".into()), capture: None, scan: None, other_side: None };
         assert_eq!((elm.fit(), like.fit(), like.data_name()), (Some(&fit), Some(&fit), "elm"));
         assert_ne!((elm.lobe, elm.interior), (like.lobe, like.interior));
         assert!(elm.translucency.is_none() && like.translucency.is_some());

@@ -49,7 +49,7 @@ pub fn source(
     if let Some(look) = leaf.look() {
         return stated(&look_of(manifest, look), out.map(|o| o.join("fits").join(leaf.data_name())));
     }
-    let FitOrigin { fit, capture, scan } = leaf.fit().ok_or_else(|| {
+    let FitOrigin { fit, capture, scan, .. } = leaf.fit().ok_or_else(|| {
         Error::field(&manifest.path, &format!("leaf \"{}\"", leaf.name), "is stated, so that it has no fit")
     })?;
     let named = fit.as_ref().map(|f| manifest.resolve(f));
