@@ -134,6 +134,11 @@ impl Levels {
         }
     }
 
+    /// Takes into account that the instances stand where they are `factor` times as large at most.
+    pub(crate) fn scale_up(&mut self, factor: f32) {
+        self.largest *= factor;
+    }
+
     /// The ball of an instance that is drawn `size` times as large.
     fn ball(&self, k: usize, size: f32) -> (Vec3, f32) {
         let InstanceBall { centre, radius, .. } = self.spheres[k];

@@ -3,12 +3,14 @@
 //! instanced draw for each level of detail, however often the two occur.
 
 use crate::detail::{self, InstanceInputs, Levels};
+use crate::extents::bounds;
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, BendPass, Carrier, Ride};
 use crate::passes::bounds::reach;
 use crate::passes::choose::Choice;
 use crate::passes::place::{PlacePass, Placed};
 use crate::scene::{Instance, Mesh, Scene};
+use crate::stand::{self, StandBatch};
 use crate::stats::RenderStatistics;
 use crate::thinning::Seen;
 use crate::variant::Variant;
@@ -100,6 +102,9 @@ impl MeshOnGpu {
     }
 }
 
+/// Material, mesh and stand of a batch, and the instance whose vertices have sections of their own.
+type BatchKey = (usize, usize, Option<u32>, Option<usize>);
+
 /// All instances of one mesh in one material. They take one draw for each level of detail. An instance whose vertices
 /// have sections of their own is a batch by itself.
 pub(crate) struct Batch {
@@ -108,6 +113,8 @@ pub(crate) struct Batch {
     /// The index of the instance whose vertices have sections of their own, and its mesh, which has no rows.
     pub alone: Option<usize>,
     pub own: Option<MeshOnGpu>,
+    /// The places of its plants, where they are many. `instances` then has a plant's leaves in its own frame.
+    pub stand: Option<StandBatch>,
     pub variant: Variant,
     pub levels: Levels,
     pub instances: wgpu::Buffer,
@@ -133,14 +140,16 @@ impl Batch {
         // In closed form a branch may come out of its ball.
         let poses = scene.sections.as_ref().and_then(|s| s.poses.as_ref()).filter(|p| !p.closed_form);
         let reach = poses.map_or_else(Vec::new, |poses| reach(scene, poses));
-        let mut together: BTreeMap<(usize, usize, Option<usize>), Vec<Instance>> = BTreeMap::new();
+        let stands = bounds(scene);
+        let mut together: BTreeMap<BatchKey, Vec<Instance>> = BTreeMap::new();
         for (k, instance) in scene.instances.iter().enumerate() {
             if !scene.meshes[instance.mesh].indices.is_empty() {
                 let alone = bend::alone(scene, instance).then_some(k);
-                together.entry((instance.material, instance.mesh, alone)).or_default().push(*instance);
+                together.entry((instance.material, instance.mesh, instance.stand, alone)).or_default().push(*instance);
             }
         }
-        let batch = |((material, mesh, alone), instances): ((usize, usize, Option<usize>), Vec<Instance>)| {
+        let batch = |(key, instances): (BatchKey, Vec<Instance>)| {
+            let (material, mesh, of, alone) = key;
             let variant = Variant::new(gpu, scene, &instances)?;
             let rows: Vec<[[f32; 4]; 3]> = instances.iter().map(|i| bend::rows(scene, i, points)).collect();
             let rides: Vec<Carrier> = instances.iter().map(bend::ride).collect();
@@ -149,31 +158,43 @@ impl Batch {
                 put(gpu, &format!("{name} of mesh {mesh}"), bytes, Use::VERTEX | Use::STORAGE | Use::COPY_DST, stats)
             };
             let ride = bend::kind(scene, &instances);
-            let limbs = alone.filter(|_| !reach.is_empty()).and_then(|k| bend::branches(scene, &scene.instances[k]));
+            let limbs = alone
+                .filter(|_| !reach.is_empty() && of.is_none())
+                .and_then(|k| bend::branches(scene, &scene.instances[k]));
             let mut trunks: Vec<(Vec3, f32)> = limbs.into_iter().flatten().map(|limb| reach[limb]).collect();
             // The branches of a trunk mostly follow each other.
             trunks.dedup();
+            let thinned = variant.leaf().is_some() && !scene.in_full;
+            let stand = of.map(|k| (&scene.stands[k as usize], &stands[k as usize]));
+            let put_rows = match stand {
+                Some(_) => put("leaves", bytemuck::cast_slice(&stand::leaves(&rows, &rides, thinned))),
+                None => put("instances", bytemuck::cast_slice(&rows)),
+            };
+            let carried = ride == Some(Ride::Instances) && stand.is_none();
+            let rides_put = carried.then(|| put("rides", bytemuck::cast_slice(&rides)));
+            let begins_put = variant.begins().then(|| put("beginnings", bytemuck::cast_slice(&begins)));
+            let inputs = InstanceInputs { rows, rides, begins };
+            let leaf = variant.leaf().is_some();
+            let mut levels = Levels::new(&scene.meshes[mesh], &instances, inputs, trunks, leaf, scene.in_full);
+            let stand = stand.map(|(stand, bounds)| {
+                levels.scale_up(bounds.largest);
+                StandBatch::new(gpu, stand, bounds, &levels, &instances, thinned)
+            });
             Some(Batch {
                 mesh,
                 material,
                 alone,
                 own: None,
+                stand,
                 ride,
-                instances: put("instances", bytemuck::cast_slice(&rows)),
-                count: rows.len() as u32,
+                instances: put_rows,
+                count: instances.len() as u32,
                 casts: instances.iter().any(|i| !i.floor),
-                rides: (ride == Some(Ride::Instances)).then(|| put("rides", bytemuck::cast_slice(&rides))),
+                rides: rides_put,
                 placed: Placed::default(),
                 choice: None,
-                begins: variant.begins().then(|| put("beginnings", bytemuck::cast_slice(&begins))),
-                levels: Levels::new(
-                    &scene.meshes[mesh],
-                    &instances,
-                    InstanceInputs { rows, rides, begins },
-                    trunks,
-                    variant.leaf().is_some(),
-                    scene.in_full,
-                ),
+                begins: begins_put,
+                levels,
                 variant,
             })
         };
@@ -197,7 +218,10 @@ impl Batch {
     pub(crate) fn of(&self, scene: &Scene) -> Vec<Instance> {
         let own = |(k, i): &(usize, &Instance)| match self.alone {
             Some(alone) => *k == alone,
-            None => (i.mesh, i.material) == (self.mesh, self.material) && !bend::alone(scene, i),
+            None => {
+                (i.mesh, i.material, i.stand.is_some()) == (self.mesh, self.material, self.stand.is_some())
+                    && !bend::alone(scene, i)
+            }
         };
         scene.instances.iter().enumerate().filter(own).map(|(_, instance)| *instance).collect()
     }
@@ -256,7 +280,7 @@ impl Batch {
 
     /// The rows of the instances at rest, where the vertex stage reads any.
     pub(crate) fn rows(&self) -> Option<&wgpu::Buffer> {
-        Some(&self.instances).filter(|_| self.alone.is_none())
+        Some(&self.instances).filter(|_| self.alone.is_none() && self.stand.is_none())
     }
 
     /// Their first rows of arriving light and first shares of the sun.
@@ -266,7 +290,37 @@ impl Batch {
 
     /// Chooses on the CPU what a picture shows.
     pub(crate) fn arrange(&mut self, gpu: &Gpu, seen: &Seen) {
+        if let Some(stand) = &mut self.stand {
+            return stand.arrange(gpu, seen, &self.levels, &self.instances);
+        }
         self.levels.arrange(gpu, seen, &self.instances, self.rides.as_ref(), self.begins.as_ref());
+    }
+
+    /// Chooses on the CPU what shadow maps show whose texels have this side.
+    pub(crate) fn cast(&mut self, gpu: &Gpu, texel: f32) {
+        match &mut self.stand {
+            Some(stand) => stand.cast(gpu, texel, &self.levels, &self.instances),
+            None => self.levels.thin_maps(gpu, texel),
+        }
+    }
+
+    /// The largest distance between the surface that is drawn and the surface in the shadow maps, as far as the CPU
+    /// knows it.
+    pub(crate) fn apart(&self, texel: f32) -> f32 {
+        match (&self.stand, &self.choice) {
+            (Some(stand), _) => stand.seen.apart + self.levels.apart_in_maps(texel),
+            (None, Some(_)) => self.levels.apart_in_maps(texel),
+            (None, None) => self.levels.apart(texel),
+        }
+    }
+
+    /// Number of triangles that the main pass draws of what the CPU has chosen.
+    pub(crate) fn triangles(&self) -> u64 {
+        match (&self.stand, &self.choice) {
+            (Some(stand), _) => stand.seen.triangles(),
+            (None, Some(_)) => 0,
+            (None, None) => self.levels.triangles(),
+        }
     }
 
     /// Takes the instances back to their own order, if the adapter chooses from it.
@@ -290,55 +344,6 @@ impl Batch {
 fn put(gpu: &Gpu, label: &str, bytes: &[u8], usage: Use, stats: &mut RenderStatistics) -> wgpu::Buffer {
     stats.upload(label, bytes.len() as u64);
     gpu.buffer(label, bytes, usage)
-}
-
-/// Layouts of the vertex buffers, in the order position, normal, tangent, uv, instance, ride, first row and first
-/// share, place among anchors. A quantity whose argument is `false` is left out. Where sections carry vertices, each
-/// position comes with its section, and there are no rows of an instance.
-pub(crate) fn vertex_layouts(
-    normal: bool,
-    tangent: bool,
-    uv: bool,
-    ride: Option<Ride>,
-    begin: bool,
-    place: bool,
-) -> Vec<Option<wgpu::VertexBufferLayout<'static>>> {
-    const POSITION: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
-    const NORMAL: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
-    const TANGENT: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x4];
-    const UV: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x2];
-    const WORLD: [wgpu::VertexAttribute; 3] = wgpu::vertex_attr_array![4 => Float32x4, 5 => Float32x4, 6 => Float32x4];
-    const RIDE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![7 => Sint32];
-    const CARRIED: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x4];
-    const BEGIN: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![9 => Uint32x2];
-    const PLACE: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![8 => Float32x3];
-    let layout =
-        |array_stride, step_mode, attributes| Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes });
-    let by_vertices = ride == Some(Ride::Vertices);
-    let position: (u64, &'static [wgpu::VertexAttribute]) = if by_vertices { (16, &CARRIED) } else { (12, &POSITION) };
-    let mut layouts = vec![layout(position.0, wgpu::VertexStepMode::Vertex, position.1)];
-    if normal {
-        layouts.push(layout(12, wgpu::VertexStepMode::Vertex, &NORMAL));
-    }
-    if tangent {
-        layouts.push(layout(16, wgpu::VertexStepMode::Vertex, &TANGENT));
-    }
-    if uv {
-        layouts.push(layout(8, wgpu::VertexStepMode::Vertex, &UV));
-    }
-    if !by_vertices {
-        layouts.push(layout(48, wgpu::VertexStepMode::Instance, &WORLD));
-    }
-    if ride == Some(Ride::Instances) {
-        layouts.push(layout(size_of::<Carrier>() as u64, wgpu::VertexStepMode::Instance, &RIDE));
-    }
-    if begin {
-        layouts.push(layout(8, wgpu::VertexStepMode::Instance, &BEGIN));
-    }
-    if place {
-        layouts.push(layout(12, wgpu::VertexStepMode::Vertex, &PLACE));
-    }
-    layouts
 }
 
 /// The corners of the box around points; `None` where there are none.

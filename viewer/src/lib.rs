@@ -37,11 +37,13 @@ pub mod readback;
 mod renderer;
 pub mod scene;
 mod shader;
+mod stand;
 mod stats;
 mod thinning;
 mod timing;
 mod validation;
 mod variant;
+mod vertices;
 
 pub use error::{Error, Result};
 pub use extents::ball_around;

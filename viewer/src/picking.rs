@@ -38,7 +38,7 @@ pub fn pick(scene: &Scene, camera: &Camera, aspect: f32, x: f32, y: f32) -> Opti
     let boxes: Vec<(Vec3, Vec3)> = scene.meshes.iter().map(bounds).collect();
     let sections = Moved::of(scene);
     let mut best: Option<PickHit> = None;
-    for (i, instance) in scene.instances.iter().enumerate() {
+    for (i, instance) in scene.instances.iter().enumerate().filter(|(_, i)| i.stand.is_none()) {
         let Some(mesh) = scene.meshes.get(instance.mesh) else { continue };
         let leaf = scene.leaf(instance.material);
         let back = instance.transform.inverse();

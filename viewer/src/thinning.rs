@@ -56,6 +56,11 @@ impl Seen {
         ([eye, axes[0], axes[1], axes[2]], half.map(|h| h.hypot(1.0)))
     }
 
+    /// Whether things become smaller with their distance.
+    pub(crate) fn has_perspective(&self) -> bool {
+        self.frustum.is_some()
+    }
+
     /// Whether any part of a ball may be in the picture.
     pub(crate) fn shows(&self, centre: Vec3, radius: f32) -> bool {
         let Some(([ahead, right, up], half)) = self.frustum else { return true };

@@ -6,6 +6,7 @@ use crate::passes::bend::{self, Ride};
 use crate::passes::place;
 use crate::scene::{Instance, Interior, LeafMaterial, Material, Scene, SideMaps, Sides, TranslucencyBasis};
 use crate::shader::Defines;
+use crate::stand;
 use mesophyll_base::surface::gloss::LobeKind;
 
 /// The parts of the main pass that a mesh in a material needs.
@@ -20,6 +21,8 @@ pub(crate) struct Variant {
     pub bend: Option<Ride>,
     /// Whether they turn the normals too.
     pub turn: bool,
+    /// Whether its plants stand in many places and are stored once.
+    pub stand: bool,
     /// How the mesh's anchors are read, where light arrives by a transfer.
     pub anchored: Option<Anchored>,
     /// Whether its vertices have shares of the sun, so that shadow maps are not needed.
@@ -157,7 +160,8 @@ impl Variant {
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, instances: &[Instance]) -> Option<Variant> {
         let first = instances.first()?;
         let lights = Lights::of(scene);
-        let bend = bend::kind(scene, instances).filter(|_| !place::whole(gpu, scene, instances));
+        let stand = first.stand.is_some();
+        let bend = bend::kind(scene, instances).filter(|_| stand || !place::whole(gpu, scene, instances));
         Some(Variant {
             lights,
             surface: match &scene.materials[first.material] {
@@ -167,6 +171,7 @@ impl Variant {
             msaa: scene.msaa,
             levels: !scene.meshes[first.mesh].details.is_empty(),
             bend,
+            stand,
             turn: bend.is_some() && scene.sections.as_ref().is_some_and(|s| s.turn_normals),
             anchored: scene.transfer.as_ref().zip(scene.meshes[first.mesh].anchors.as_ref()).map(
                 |(transfer, anchors)| Anchored {
@@ -228,7 +233,7 @@ impl Variant {
     /// The names and constants with which all parts of the shader are assembled.
     pub(crate) fn defines(&self) -> Defines {
         let lights = &self.lights;
-        let defines = bend::defines(Defines::default(), self.bend, 0)
+        let defines = stand::defines(bend::defines(Defines::default(), self.bend, 0), self.stand)
             .set("TURN", self.turn)
             .constant("SHADOW_LAYERS", lights.shadow)
             .set("SUN", lights.sun)
@@ -328,6 +333,7 @@ impl Variant {
             }
         }
         say(self.bend.is_some(), if self.turn { "sections" } else { "sections without turns" }.into());
+        say(self.stand, "stand".into());
         say(self.msaa > 1, format!("{} samples", self.msaa));
         if words.is_empty() { "main: unlit".into() } else { format!("main: {}", words.join(", ")) }
     }

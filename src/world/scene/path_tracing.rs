@@ -268,6 +268,11 @@ pub(crate) fn made_from(scene: &LoadedScene, view: &PerspectiveView) -> Result<S
         parts.push((format!("meadow {}", grass.name), hash::file(&manifest.resolve(&config.meadow))?));
         parts.push((format!("leaves {}", grass.name), hash::bytes(format!("{:?}", grass.leaves).as_bytes())));
     }
+    for stand in &scene.placed.stands {
+        let wood = stand.wood.iter().map(|w| (&w.mesh.positions, &w.mesh.indices, w.bark)).collect::<Vec<_>>();
+        let shape = format!("{:?} {wood:?} {:?}", stand.leaves, stand.places);
+        parts.push(("stand".into(), hash::bytes(shape.as_bytes())));
+    }
     let placed = format!("{:?}", scene.placed.placements);
     parts.push(("places".into(), hash::bytes(placed.as_bytes())));
     if let Some(sky) = manifest.panorama() {

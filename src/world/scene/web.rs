@@ -26,6 +26,11 @@ pub fn bundle(scene: &LoadedScene, pictures: &Path, ledger: &Ledger) -> Result<B
     let Some(first) = seen().next() else {
         return Err(Error::unexpected(&manifest.path, "view", "only cards", "a perspective view"));
     };
+    if let Some(stand) = scene.placed.stands.first() {
+        let found = format!("{} plants of a kind, which share poses", stand.places.len());
+        let expected = "fewer plants: the viewer in a browser draws each by itself";
+        return Err(Error::unexpected(&manifest.path, "plant", found, expected));
+    }
     let time_s = manifest.time_of(first);
     let mut drawn = handover::shown(scene, ledger)?;
     if let Some(wind) = &mut drawn.wind {

@@ -8,17 +8,19 @@ use crate::loaded::{LoadedLeaf, LoadedScene};
 use crate::manifest::{PictureSky, SceneManifest, UniformLeaf};
 use crate::placed::PlacedScene;
 use crate::placed::daylight::{Daylight, sun_disk};
+use crate::placed::placement::LeafPlacement;
 use crate::placed::sections::BarkMotion;
 use crate::{Error, Result};
 use glam::DMat4;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_fits::leaf_folder::LeafFit;
 use mesophyll_transport::ReferenceSun;
+use std::ops::Range;
 
 /// Everything that stands in a scene at rest, and its lights.
 pub struct SceneWorld<'a> {
     placed: &'a PlacedScene,
-    /// The surfaces, each once, in the order in which renderers number them: leaves, wood, ground.
+    /// The surfaces, each once, in the order in which renderers number them: leaves, wood, ground, wood of stands.
     pub surfaces: Vec<WorldSurface<'a>>,
     /// How many of the surfaces are leaves.
     pub leaves: usize,
@@ -135,20 +137,41 @@ impl<'a> SceneWorld<'a> {
             let material = WorldMaterial::Opaque { name: "ground", albedo: *albedo };
             WorldSurface { mesh, material, bark: None }
         }));
+        let of_stands = placed.stands.iter().flat_map(|stand| &stand.wood);
+        surfaces.extend(of_stands.map(|wood| WorldSurface {
+            mesh: &wood.mesh,
+            material: WorldMaterial::Opaque { name: &wood.name, albedo: wood.bark },
+            bark: wood.bark_moves.as_ref(),
+        }));
         Ok(SceneWorld { placed, surfaces, leaves, surface_of, lights: WorldLights::of(manifest)? })
     }
 
     /// The index of the ground's surface.
     pub fn ground(&self) -> Option<usize> {
-        self.placed.ground.as_ref().map(|_| self.surfaces.len() - 1)
+        self.placed.ground.as_ref().map(|_| self.leaves + self.placed.wood.len())
     }
 
     /// The leaves at their places at rest.
     pub fn standing_leaves(&self) -> impl Iterator<Item = WorldInstance> + '_ {
-        self.placed.placements.iter().filter_map(|p| {
-            let surface = self.surface_of[p.leaf]?;
-            Some(WorldInstance { surface, transform: p.transform, section: p.section })
-        })
+        self.placed.standing().filter_map(|p| self.leaf_at(p))
+    }
+
+    fn leaf_at(&self, p: &LeafPlacement) -> Option<WorldInstance> {
+        let surface = self.surface_of[p.leaf]?;
+        Some(WorldInstance { surface, transform: p.transform, section: p.section })
+    }
+
+    /// The leaves of the plant of a stand at rest, in the plant's frame.
+    pub fn stand_leaves(&self, stand: usize) -> impl Iterator<Item = WorldInstance> + '_ {
+        self.placed.stands[stand].leaves.iter().filter_map(|p| self.leaf_at(p))
+    }
+
+    /// The surfaces of the wood of the plant of a stand, which stands in the plant's frame.
+    pub fn stand_wood(&self, stand: usize) -> Range<usize> {
+        let solids = self.placed.wood.len() + usize::from(self.placed.ground.is_some());
+        let before: usize = self.placed.stands[..stand].iter().map(|s| s.wood.len()).sum();
+        let first = self.leaves + solids + before;
+        first..first + self.placed.stands[stand].wood.len()
     }
 
     /// Wood and ground at their places at rest.

@@ -11,9 +11,10 @@ use crate::variant::Variant;
 use glam::{Quat, Vec3};
 use std::collections::BTreeSet;
 
-/// WGSL of rigid motions, and of the bend with it, which is put in front of a pass's own source.
+/// WGSL of rigid motions, and of the bend and of stands with it, which is put in front of a pass's own source.
 pub(crate) const RIGID: &str = include_str!("rigid.wgsl");
-pub(crate) const SOURCE: &str = concat!(include_str!("rigid.wgsl"), include_str!("bend.wgsl"));
+pub(crate) const SOURCE: &str =
+    concat!(include_str!("rigid.wgsl"), include_str!("bend.wgsl"), include_str!("stand.wgsl"));
 
 /// How sections move a mesh in the vertex stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

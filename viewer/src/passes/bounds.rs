@@ -9,8 +9,8 @@ use glam::{Mat3, Vec3};
 pub(crate) type Oriented = (Vec3, [Vec3; 3]);
 
 /// The box around what each section carries at rest. Its axes are those of the first instance, or of the branch for
-/// bark.
-pub(crate) fn boxes(scene: &Scene, poses: &PoseHierarchy) -> Vec<Option<Oriented>> {
+/// bark. What stands in many places has boxes only where `stands`, those of its first pose in the plant's frame.
+pub(crate) fn boxes(scene: &Scene, poses: &PoseHierarchy, stands: bool) -> Vec<Option<Oriented>> {
     let mut found: Vec<Option<(Mat3, Vec3, Vec3)>> = vec![None; poses.seats.len()];
     let mut add = |section: usize, axes: Mat3, point: Vec3| {
         let (axes, low, high) = found[section].get_or_insert((axes, Vec3::INFINITY, Vec3::NEG_INFINITY));
@@ -19,7 +19,7 @@ pub(crate) fn boxes(scene: &Scene, poses: &PoseHierarchy) -> Vec<Option<Oriented
     };
     let corners: Vec<Option<[Vec3; 8]>> = scene.meshes.iter().map(|m| corners(&m.positions)).collect();
     let of_vertices = scene.sections.as_ref().map_or(&[][..], |s| &s.of_vertices);
-    for instance in &scene.instances {
+    for instance in scene.instances.iter().filter(|i| stands || i.stand.is_none()) {
         let (Some(by), m) = (instance.carried, instance.transform) else { continue };
         let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
         let leaf = Mat3::from_cols(
@@ -66,7 +66,7 @@ pub(crate) fn reach(scene: &Scene, poses: &PoseHierarchy) -> Vec<(Vec3, f32)> {
         }));
     }
     let mut radii = vec![0.0f32; poses.limbs.len()];
-    for (seat, of) in poses.seats.iter().zip(boxes(scene, poses)) {
+    for (seat, of) in poses.seats.iter().zip(boxes(scene, poses, true)) {
         let Some((centre, half)) = of else { continue };
         let (trunk, before) = of_limbs[seat.limb as usize];
         let along = along(seat.limb, seat.share) + seat.offset.length();

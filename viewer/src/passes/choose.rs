@@ -65,6 +65,7 @@ pub(crate) struct Choice {
 fn chooses(gpu: &Gpu, batch: &Batch) -> bool {
     gpu.chooses
         && batch.variant.bend.is_none()
+        && batch.stand.is_none()
         && batch.levels.lit().len() <= LEVELS
         && (batch.moving_whole().is_some() || batch.count as usize >= MANY)
         && place::within(&gpu.device.limits(), batch.count as usize)

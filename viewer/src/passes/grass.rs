@@ -231,6 +231,7 @@ fn source(gpu: &Gpu, scene: &Scene, grass: &Grass) -> (String, Lights) {
         levels: false,
         bend: None,
         turn: false,
+        stand: false,
         anchored: None,
         shares: false,
     };

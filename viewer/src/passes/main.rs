@@ -2,7 +2,7 @@
 //! variant of the shader that the scene needs.
 
 use crate::dome::{self, MOST_BANDS};
-use crate::geometry::{Batch, MeshOnGpu, vertex_layouts};
+use crate::geometry::{Batch, MeshOnGpu};
 use crate::gpu::Gpu;
 use crate::material::{self, MaterialOnGpu};
 use crate::passes::backdrop::BackdropPass;
@@ -14,8 +14,10 @@ use crate::passes::sky::SkyPass;
 use crate::passes::transfer::TransferPass;
 use crate::scene::{Scene, SkyDome};
 use crate::shader::{assemble, of_side};
+use crate::stand;
 use crate::stats::RenderStatistics;
 use crate::variant::{Lights, Variant};
+use crate::vertices::vertex_layouts;
 use std::collections::HashMap;
 
 pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -156,6 +158,7 @@ pub(crate) fn source(variant: &Variant) -> String {
 fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
     let source = source(variant);
     let bend = bend::layout_of(gpu, variant);
+    let stand = variant.stand.then(|| stand::layout(gpu));
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("main"),
         source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -166,6 +169,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
             Some(&frame_layout(gpu, &variant.lights)),
             Some(&material::layout(gpu, variant)),
             bend.as_ref(),
+            stand.as_ref(),
         ],
         immediate_size: 0,
     });
@@ -176,6 +180,7 @@ fn pipeline(gpu: &Gpu, variant: &Variant) -> wgpu::RenderPipeline {
         variant.bend,
         variant.begins(),
         variant.anchored.is_some(),
+        variant.stand,
     );
     let vertex = vertex_state(&module, "vertex", &buffers);
     let (fragment, primitive) = ((&module, "fragment"), Default::default());
@@ -353,6 +358,10 @@ impl MainPass {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));
             }
             pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
+            if let Some(stand) = &batch.stand {
+                stats.draws += stand.seen.draw(&mut pass);
+                continue;
+            }
             if let Some(choice) = &batch.choice {
                 stats.draws += choice.draw(&mut pass);
                 continue;

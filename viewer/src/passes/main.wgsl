@@ -55,6 +55,9 @@ struct Vertex {
     //#if LEAF
     @location(3) uv: vec2f,
     //#endif
+    //#if STAND
+    @builtin(instance_index) instance: u32,
+    //#else
     //#if !OWN
     // Rows of the instance's object-to-world matrix. With `ride`, from the point of the section that carries it.
     @location(4) world_x: vec4f,
@@ -63,6 +66,7 @@ struct Vertex {
     //#if BEND
     // That section, or −1.
     @location(7) ride: i32,
+    //#endif
     //#endif
     //#endif
     //#if TRANSFER || SHARES
@@ -105,40 +109,59 @@ struct Varying {
     //#endif
 }
 
-fn turned(in: Vertex, d: vec3f) -> vec3f {
+// Where the vertex's instance stands; what sections carry vertex by vertex has no rows.
+fn standing(in: Vertex) -> Standing {
+    //#if OWN
+    //#if STAND
+    let ride = in_pose(plant_of(in.instance), i32(in.position.w));
+    //#else
+    let ride = i32(in.position.w);
+    //#endif
+    return Standing(vec4f(1.0, 0.0, 0.0, 0.0), vec4f(0.0, 1.0, 0.0, 0.0), vec4f(0.0, 0.0, 1.0, 0.0), ride);
+    //#else
+    //#if STAND
+    return leaf_of(in.instance);
+    //#else
+    //#if BEND
+    return Standing(in.world_x, in.world_y, in.world_z, in.ride);
+    //#else
+    return Standing(in.world_x, in.world_y, in.world_z, -1);
+    //#endif
+    //#endif
+    //#endif
+}
+
+fn turned(at: Standing, d: vec3f) -> vec3f {
     //#if OWN
     return d;
     //#else
-    return vec3f(dot(in.world_x.xyz, d), dot(in.world_y.xyz, d), dot(in.world_z.xyz, d));
+    return vec3f(dot(at.x.xyz, d), dot(at.y.xyz, d), dot(at.z.xyz, d));
     //#endif
 }
 
 @vertex
 fn vertex(in: Vertex) -> Varying {
     var out: Varying;
+    let at = standing(in);
     //#if OWN
     out.world = in.position.xyz;
-    let ride = i32(in.position.w);
     //#else
     let p = vec4f(in.position, 1.0);
-    out.world = vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
-    //#if BEND
-    let ride = in.ride;
-    //#endif
+    out.world = vec3f(dot(at.x, p), dot(at.y, p), dot(at.z, p));
     //#endif
     // The scale is uniform. So normals turn like directions; the fragment stage normalises them.
-    out.normal = turned(in, in.normal);
+    out.normal = turned(at, in.normal);
     //#if LEAF
     out.uv = in.uv;
     //#endif
     //#if TANGENT
-    out.tangent = vec4f(turned(in, in.tangent.xyz), in.tangent.w);
+    out.tangent = vec4f(turned(at, in.tangent.xyz), in.tangent.w);
     //#endif
     //#if BEND
     //#if TANGENT
-    let swung = bent(ride, out.world, out.normal, out.tangent.xyz);
+    let swung = bent(at.ride, out.world, out.normal, out.tangent.xyz);
     //#else
-    let swung = bent(ride, out.world, out.normal, vec3f(0.0));
+    let swung = bent(at.ride, out.world, out.normal, vec3f(0.0));
     //#endif
     out.world = swung.position;
     //#if TURN
@@ -146,6 +169,14 @@ fn vertex(in: Vertex) -> Varying {
     //#if TANGENT
     out.tangent = vec4f(swung.tangent, in.tangent.w);
     //#endif
+    //#endif
+    //#endif
+    //#if STAND
+    let plant = plant_of(in.instance);
+    out.world = on_land(plant, out.world);
+    out.normal = turned_on_land(plant, out.normal);
+    //#if TANGENT
+    out.tangent = vec4f(turned_on_land(plant, out.tangent.xyz), in.tangent.w);
     //#endif
     //#endif
     //#if TRANSFER

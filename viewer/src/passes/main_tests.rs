@@ -4,7 +4,17 @@ use crate::variant::{LeafSurface, Lights, SideVariant, Surface};
 
 fn lit(surface: Surface) -> Variant {
     let lights = Lights { sun: true, sky: true, ..Lights::default() };
-    Variant { lights, surface, msaa: 4, levels: false, bend: None, turn: false, anchored: None, shares: false }
+    Variant {
+        lights,
+        surface,
+        msaa: 4,
+        levels: false,
+        bend: None,
+        turn: false,
+        stand: false,
+        anchored: None,
+        shares: false,
+    }
 }
 
 fn lines(v: &Variant) -> Vec<String> {

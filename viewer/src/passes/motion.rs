@@ -1,7 +1,6 @@
 //! Motion vectors: how far the surface in every pixel has moved in the picture since an earlier time and camera. They
 //! are made only on request, and no other pass depends on them.
 
-use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass, Ride};
@@ -9,7 +8,9 @@ use crate::passes::main::{Drawing, Drawn, drawing, vertex_state};
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
 use crate::scene::{Scene, SectionAnimation, WindState};
 use crate::shader::{Defines, assemble};
+use crate::stand;
 use crate::stats::RenderStatistics;
+use crate::vertices::vertex_layouts;
 use std::collections::HashMap;
 
 /// The two cameras for the shader.
@@ -26,8 +27,9 @@ pub(crate) struct MotionPass {
     group: wgpu::BindGroup,
     /// The bend at both times, where anything moves.
     bend: Option<BendPass>,
-    /// The pipelines, by whether a mask cuts the outline and how sections move the mesh.
-    pipelines: HashMap<(bool, Option<Ride>), wgpu::RenderPipeline>,
+    /// The pipelines, by whether a mask cuts the outline, how sections move the mesh, and whether it stands in many
+    /// places.
+    pipelines: HashMap<(bool, Option<Ride>, bool), wgpu::RenderPipeline>,
     mask_layout: wgpu::BindGroupLayout,
 }
 
@@ -66,15 +68,16 @@ impl MotionPass {
         let mut pass = MotionPass { cameras, group, bend, pipelines: HashMap::new(), mask_layout: mask_layout(gpu) };
         let sections = scene.sections.as_ref().map_or(0, |s| s.count);
         for (batch, _, material) in drawn.iter() {
-            let (masked, bends) = (material.mask().is_some(), batch.ride);
-            if !pass.pipelines.contains_key(&(masked, bends)) {
-                let made = pass.pipeline(gpu, &layout, masked, bends, sections);
+            let kind @ (masked, bends, stands) = (material.mask().is_some(), batch.ride, batch.stand.is_some());
+            if !pass.pipelines.contains_key(&kind) {
+                let made = pass.pipeline(gpu, &layout, kind, sections);
                 stats.pipeline(&format!(
-                    "motion{}{}",
+                    "motion{}{}{}",
                     if masked { ": masked" } else { "" },
-                    if bends.is_some() { ", bend" } else { "" }
+                    if bends.is_some() { ", bend" } else { "" },
+                    if stands { ", stand" } else { "" }
                 ));
-                pass.pipelines.insert((masked, bends), made);
+                pass.pipelines.insert(kind, made);
             }
         }
         pass
@@ -84,11 +87,12 @@ impl MotionPass {
         &self,
         gpu: &Gpu,
         cameras: &wgpu::BindGroupLayout,
-        masked: bool,
-        bends: Option<Ride>,
+        (masked, bends, stands): (bool, Option<Ride>, bool),
         sections: usize,
     ) -> wgpu::RenderPipeline {
         let defines = bend::defines(Defines::default(), bends, sections).set("MASK", masked);
+        let defines = stand::defines(defines, stands);
+        let stand = stands.then(|| stand::layout(gpu));
         let source = assemble(&[bend::SOURCE, OUTLINE, include_str!("motion.wgsl")].concat(), &defines);
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("motion"),
@@ -100,10 +104,11 @@ impl MotionPass {
                 Some(cameras),
                 masked.then_some(&self.mask_layout),
                 self.bend.as_ref().filter(|_| bends.is_some()).map(BendPass::layout),
+                stand.as_ref(),
             ],
             immediate_size: 0,
         });
-        let buffers = vertex_layouts(false, false, masked, bends, false, false);
+        let buffers = vertex_layouts(false, false, masked, bends, false, false, stands);
         let vertex = vertex_state(&module, "vertex", &buffers);
         let (fragment, primitive) = ((&module, "fragment"), Default::default());
         drawing(gpu, Drawing { label: "motion", layout: &layout, vertex, fragment, primitive, msaa: 1, solid: true })
@@ -160,7 +165,8 @@ impl MotionPass {
         for (batch, mesh, material) in drawn.iter() {
             let mask = mask_group(gpu, &self.mask_layout, material, samplers);
             let bends = batch.ride;
-            let Some(pipeline) = self.pipelines.get(&(mask.is_some(), bends)) else { continue };
+            let kind = (mask.is_some(), bends, batch.stand.is_some());
+            let Some(pipeline) = self.pipelines.get(&kind) else { continue };
             pass.set_pipeline(pipeline);
             if let Some(mask) = &mask {
                 pass.set_bind_group(1, mask, &[]);
@@ -175,6 +181,10 @@ impl MotionPass {
                 pass.set_vertex_buffer(slot as u32, buffer.slice(..));
             }
             pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
+            if let Some(stand) = &batch.stand {
+                stats.draws += stand.seen.draw(&mut pass);
+                continue;
+            }
             for (indices, instances) in batch.levels.runs() {
                 pass.draw_indexed(indices, 0, instances);
                 stats.draws += 1;

@@ -20,12 +20,8 @@ struct Varying {
 
 @vertex
 fn vertex(in: Vertex) -> Varying {
-    var now = at_rest(in);
-    var before = now;
-    //#if BEND
-    now = stands_at(0u, in);
-    before = stands_at(1u, in);
-    //#endif
+    let now = stands_at(0u, in);
+    let before = stands_at(1u, in);
     var out: Varying;
     out.position = cameras.now * vec4f(now, 1.0);
     out.now = out.position;

@@ -15,6 +15,9 @@ struct Vertex {
     //#if MASK
     @location(3) uv: vec2f,
     //#endif
+    //#if STAND
+    @builtin(instance_index) instance: u32,
+    //#else
     //#if !OWN
     @location(4) world_x: vec4f,
     @location(5) world_y: vec4f,
@@ -23,29 +26,45 @@ struct Vertex {
     @location(7) ride: i32,
     //#endif
     //#endif
-}
-
-// The place of the vertex at rest, in world space or from its section's point.
-fn at_rest(in: Vertex) -> vec3f {
-    //#if OWN
-    return in.position.xyz;
-    //#else
-    let p = vec4f(in.position, 1.0);
-    return vec3f(dot(in.world_x, p), dot(in.world_y, p), dot(in.world_z, p));
     //#endif
 }
 
-//#if BEND
+// The place of the vertex at rest, in the world or in its plant's frame, or from its section's point; and that section
+// or −1.
+fn at_rest(in: Vertex) -> vec4f {
+    //#if OWN
+    //#if STAND
+    return vec4f(in.position.xyz, f32(in_pose(plant_of(in.instance), i32(in.position.w))));
+    //#else
+    return in.position;
+    //#endif
+    //#else
+    //#if STAND
+    let at = leaf_of(in.instance);
+    //#else
+    //#if BEND
+    let at = Standing(in.world_x, in.world_y, in.world_z, in.ride);
+    //#else
+    let at = Standing(in.world_x, in.world_y, in.world_z, -1);
+    //#endif
+    //#endif
+    let p = vec4f(in.position, 1.0);
+    return vec4f(dot(at.x, p), dot(at.y, p), dot(at.z, p), f32(at.ride));
+    //#endif
+}
+
 // Its place at one of the times that are stored.
 fn stands_at(time: u32, in: Vertex) -> vec3f {
-    //#if OWN
-    let ride = i32(in.position.w);
-    //#else
-    let ride = in.ride;
+    let rest = at_rest(in);
+    var place = rest.xyz;
+    //#if BEND
+    place = bent_at(time, i32(rest.w), place, vec3f(0.0), vec3f(0.0)).position;
     //#endif
-    return bent_at(time, ride, at_rest(in), vec3f(0.0), vec3f(0.0)).position;
+    //#if STAND
+    place = on_land(plant_of(in.instance), place);
+    //#endif
+    return place;
 }
-//#endif
 
 //#if MASK
 fn is_cut_off(uv: vec2f) -> bool {

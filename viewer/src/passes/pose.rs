@@ -123,7 +123,8 @@ impl PosePass {
         let pieces = put("pieces of branches", bytemuck::cast_slice(&pieces(poses)));
         let hangs = poses.turns.is_some() || poses.seats.iter().any(|s| s.offset != Vec3::ZERO);
         let seats = put("seats of sections", bytemuck::cast_slice(&seats(poses, &order, hangs)));
-        let at_rest = put("boxes of sections", bytemuck::cast_slice(&oriented(poses, &order, &boxes(scene, poses))));
+        let at_rest =
+            put("boxes of sections", bytemuck::cast_slice(&oriented(poses, &order, &boxes(scene, poses, false))));
         let runs = if groups { Vec::new() } else { runs(poses, &order) };
         let of_runs = (!groups).then(|| put("runs of seats", bytemuck::cast_slice(&runs)));
         let made = |label: &str, bytes: usize, usage: Use| {

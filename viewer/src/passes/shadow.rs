@@ -3,7 +3,6 @@
 //! true soft shadow: the disk's radius determines the width of the penumbra. The maps are drawn once, and again only
 //! when the sun or the geometry changes.
 
-use crate::geometry::vertex_layouts;
 use crate::gpu::Gpu;
 use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass, Ride};
@@ -12,8 +11,10 @@ use crate::passes::main::Drawn;
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
 use crate::scene::{Scene, Sun};
 use crate::shader::{Defines, assemble};
+use crate::stand;
 use crate::stats::RenderStatistics;
 use crate::variant::Variant;
+use crate::vertices::vertex_layouts;
 use glam::{Mat4, Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -29,8 +30,8 @@ pub(crate) struct ShadowPass {
     pub matrices: wgpu::Buffer,
     light_group: wgpu::BindGroup,
     light_buffer: wgpu::Buffer,
-    /// The pipelines, by whether a mask cuts the outline and how sections move the mesh.
-    pipelines: HashMap<(bool, Option<Ride>), wgpu::RenderPipeline>,
+    /// The pipelines, by whether a mask cuts the outline, how sections move the mesh, and whether plants stand often.
+    pipelines: HashMap<(bool, Option<Ride>, bool), wgpu::RenderPipeline>,
     mask_layout: Option<wgpu::BindGroupLayout>,
     /// The groups of masks, in the order of the batches.
     mask_groups: Vec<Option<wgpu::BindGroup>>,
@@ -163,9 +164,11 @@ impl ShadowPass {
         let mut pipelines = HashMap::new();
         for variant in drawn.batches.iter().filter(|b| b.casts).map(|b| &b.variant) {
             let (masked, bends) = (variant.masked(), variant.bend);
-            pipelines.entry((masked, bends)).or_insert_with(|| {
+            pipelines.entry((masked, bends, variant.stand)).or_insert_with(|| {
                 let name = if masked { "shadow: masked" } else { "shadow: opaque" };
-                stats.pipeline(&format!("{name}{}", if bends.is_some() { ", bend" } else { "" }));
+                let more = [(bends.is_some(), ", bend"), (variant.stand, ", stand")];
+                let more: String = more.into_iter().filter(|(on, _)| *on).map(|(_, word)| word).collect();
+                stats.pipeline(&format!("{name}{more}"));
                 pipeline(gpu, &light_layout, own_mask.as_ref().filter(|_| masked), variant)
             });
         }
@@ -310,7 +313,8 @@ impl ShadowPass {
                 if !batch.casts {
                     continue;
                 }
-                let Some(pipeline) = self.pipelines.get(&(mask.is_some(), batch.variant.bend)) else { continue };
+                let kind = (mask.is_some(), batch.variant.bend, batch.variant.stand);
+                let Some(pipeline) = self.pipelines.get(&kind) else { continue };
                 pass.set_pipeline(pipeline);
                 if let Some(group) = mask {
                     pass.set_bind_group(1, group, &[]);
@@ -322,6 +326,11 @@ impl ShadowPass {
                     pass.set_vertex_buffer(slot as u32, buffer.slice(..));
                 }
                 pass.set_index_buffer(mesh.indices.slice(..), wgpu::IndexFormat::Uint32);
+                if let Some(stand) = &batch.stand {
+                    stats.draws += stand.casting.draw(&mut pass);
+                    stats.shadow_triangles += if i == 0 { stand.casting.triangles() } else { 0 };
+                    continue;
+                }
                 let indices = batch.levels.shadow(texel);
                 if i == 0 {
                     stats.shadow_triangles += indices.len() as u64 / 3 * u64::from(count);
@@ -354,15 +363,17 @@ fn pipeline(
     variant: &Variant,
 ) -> wgpu::RenderPipeline {
     let defines = bend::defines(Defines::default(), variant.bend, 0).set("MASK", mask.is_some());
+    let defines = stand::defines(defines, variant.stand);
     let source = assemble(&[bend::SOURCE, OUTLINE, include_str!("shadow.wgsl")].concat(), &defines);
     let bend = bend::layout_of(gpu, variant);
+    let stand = variant.stand.then(|| stand::layout(gpu));
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("shadow"),
         source: wgpu::ShaderSource::Wgsl(source.into()),
     });
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("shadow"),
-        bind_group_layouts: &[Some(light), mask, bend.as_ref()],
+        bind_group_layouts: &[Some(light), mask, bend.as_ref(), stand.as_ref()],
         immediate_size: 0,
     });
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -372,7 +383,7 @@ fn pipeline(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: Default::default(),
-            buffers: &vertex_layouts(false, false, mask.is_some(), variant.bend, false, false),
+            buffers: &vertex_layouts(false, false, mask.is_some(), variant.bend, false, false, variant.stand),
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(depth(wgpu::CompareFunction::LessEqual)),

@@ -11,11 +11,7 @@ struct Varying {
 @vertex
 fn vertex(in: Vertex) -> Varying {
     var out: Varying;
-    var world = at_rest(in);
-    //#if BEND
-    world = stands_at(0u, in);
-    //#endif
-    out.position = to_light * vec4f(world, 1.0);
+    out.position = to_light * vec4f(stands_at(0u, in), 1.0);
     //#if MASK
     out.uv = in.uv;
     //#endif

@@ -287,12 +287,9 @@ impl Renderer {
                 batch.arrange(&self.gpu, &seen);
             }
             if loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn()) {
-                batch.levels.thin_maps(&self.gpu, texel);
+                batch.cast(&self.gpu, texel);
             }
-            apart = apart.max(match batch.choice {
-                Some(_) => batch.levels.apart_in_maps(texel),
-                None => batch.levels.apart(texel),
-            });
+            apart = apart.max(batch.apart(texel));
         }
         if let Some(pose) = loaded.bend.as_ref().and_then(|b| b.pose.as_ref()) {
             pose.record(encoder);
@@ -304,8 +301,7 @@ impl Renderer {
         if let Some(choose) = &loaded.choose {
             choose.record(&self.gpu, encoder, &mut loaded.batches, loaded.bend.as_ref(), &seen, texel, apart);
         }
-        let by_cpu = loaded.batches.iter().filter(|b| b.choice.is_none());
-        self.stats.triangles = by_cpu.map(|b| b.levels.triangles()).sum();
+        self.stats.triangles = loaded.batches.iter().map(Batch::triangles).sum();
         let drawn = Drawn { meshes: &loaded.meshes, materials: &loaded.materials, batches: &loaded.batches };
         let frame = Frame {
             view_projection: match &loaded.scanner {

@@ -61,6 +61,7 @@
 mod leaf;
 mod light;
 mod motion;
+mod stand;
 
 pub use crate::grass::{GRASS_STEPS, Grass, GrassGusts, GrassHill, GrassLevel, GrassSheet, GrassTable, MOST_SLICES};
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -73,6 +74,7 @@ pub use motion::{
     AxisPiece, PoseHierarchy, PoseLimb, SectionAnimation, SectionBinding, SectionMotion, SectionSeat, WindState,
 };
 use serde::{Deserialize, Serialize};
+pub use stand::{Stand, StandPlace};
 use std::sync::Arc;
 
 /// Everything in a picture: meshes, materials, instances, the things that bend, and the lights.
@@ -127,6 +129,9 @@ pub struct Scene {
     /// 255 times the share of the sun's disk that each vertex sees for the sun's present direction, for all instances
     /// with a [`Instance::first_share`]. These instances do not use the shadow maps.
     pub sun_shares: Option<Arc<Vec<u8>>>,
+    /// Plants that stand in many places. They are not written with the scene.
+    #[serde(skip)]
+    pub stands: Vec<Arc<Stand>>,
     /// Lawns as slices. They hide other things and are hidden by them, and they are shaded by the scene's shadow maps.
     /// But they cast no shadow. Without a lawn, the pass has no code and no textures.
     pub grass: Vec<Arc<Grass>>,
@@ -151,6 +156,9 @@ pub struct Instance {
     /// Index of the first of the scene's shares of the sun that belong to its vertices, in their order. With `None`,
     /// its shadows come from shadow maps.
     pub first_share: Option<u32>,
+    /// The stand of the scene whose plant it belongs to. The transform then leads to the plant's frame.
+    #[serde(skip)]
+    pub stand: Option<u32>,
     /// Whether it lies below everything else while the sun is above. It then receives shadows and casts none, so shadow
     /// maps need not cover it and have finer texels elsewhere.
     pub floor: bool,

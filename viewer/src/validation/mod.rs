@@ -2,12 +2,14 @@
 //! found and what was expected.
 
 mod motion;
+mod stand;
 mod surface;
 mod transfer;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::scene::{Backdrop, Camera, Scanner, Scene, SkyDome};
+use glam::Mat4;
 pub(crate) use motion::sections;
 pub(crate) use surface::material;
 
@@ -31,25 +33,27 @@ pub(crate) fn scene(gpu: &Gpu, scene: &Scene) -> Result<()> {
         if let Some((what, found, count)) = indices.into_iter().find(|(_, index, count)| index >= count) {
             return Err(wrong(format!("instance {i}, {what}"), found, format!("below {count}")));
         }
-        let m = instance.transform;
-        let scale = [m.x_axis, m.y_axis, m.z_axis].map(|a| a.truncate().length());
-        let even = scale.iter().all(|s| s.is_finite() && *s > 0.0 && (s / scale[0] - 1.0).abs() < 1e-3);
-        if !even || !m.w_axis.is_finite() {
-            return Err(wrong(
-                format!("instance {i}, transform"),
-                format!("scales {scale:?}"),
-                "a rigid motion with one positive scale",
-            ));
-        }
+        rigid(&instance.transform, || format!("instance {i}, transform"))?;
     }
     for (i, grass) in scene.grass.iter().enumerate() {
         crate::grass::validate(gpu, i, grass)?;
     }
     motion::wind(scene)?;
     sections(gpu, scene, 1)?;
+    stand::stands(gpu, scene)?;
     transfer::transfer(gpu, scene)?;
     transfer::shares(gpu, scene)?;
     lights(gpu, scene)
+}
+
+/// Refuses a transform that is no rigid motion with a uniform scale.
+fn rigid(m: &Mat4, place: impl Fn() -> String) -> Result<()> {
+    let scale = [m.x_axis, m.y_axis, m.z_axis].map(|a| a.truncate().length());
+    let even = scale.iter().all(|s| s.is_finite() && *s > 0.0 && (s / scale[0] - 1.0).abs() < 1e-3);
+    if !even || !m.w_axis.is_finite() {
+        return Err(wrong(place(), format!("scales {scale:?}"), "a rigid motion with one positive scale"));
+    }
+    Ok(())
 }
 
 /// Validates the lights and the settings with which a scene is drawn.

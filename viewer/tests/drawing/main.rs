@@ -17,6 +17,7 @@ mod radiance;
 mod reference;
 mod shadow;
 mod sides;
+mod stand;
 mod thin;
 mod transfer;
 mod translucency;

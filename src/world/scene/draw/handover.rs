@@ -4,7 +4,7 @@
 
 use super::card::LeafCard;
 use super::leaf_maps;
-use super::sections::{BarkSections, plants};
+use super::sections::{BarkSections, above, plants, stands};
 use super::{detail, grass, transfer, tubes};
 use crate::loaded::LoadedScene;
 use crate::loaded::curve::curve;
@@ -14,6 +14,7 @@ use crate::placed::daylight::{self, Daylight};
 use crate::placed::ledger::Ledger;
 use crate::placed::placement::LeafPlacement;
 use crate::placed::plant::PlacedWood;
+use crate::placed::stand::PlacedStand;
 use crate::plan::levels;
 use crate::world::{SceneWorld, WorldInstance, WorldLights, WorldMaterial, WorldSky, WorldSurface};
 use crate::{Error, Result};
@@ -59,13 +60,17 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     for (k, surface) in world.surfaces[..world.leaves].iter().enumerate() {
         out.add(shown(k, surface.mesh), material(manifest, surface, ledger)?);
     }
-    out.instances.extend(world.standing_leaves().map(|i| {
-        let section = |k| viewer::SectionBinding { first: k as u32, vertices: None };
-        at(i, i.section.map(section))
-    }));
+    let leaf = |i: WorldInstance| at(i, i.section.map(|k| viewer::SectionBinding { first: k as u32, vertices: None }));
+    out.instances.extend(world.standing_leaves().map(leaf));
+    for stand in 0..placed.stands.len() {
+        let leaves = world.stand_leaves(stand);
+        out.instances.extend(leaves.map(|i| viewer::Instance { stand: Some(stand as u32), ..leaf(i) }));
+    }
+    let often = |i: &viewer::Instance| i.stand.map_or(1, |k| placed.stands[k as usize].places.len());
     // A coarse triangle would blur the shadows that are stored at its corners.
     for (k, surface) in world.surfaces[..world.leaves].iter().enumerate().filter(|_| finer.is_none()) {
-        let drawn = surface.mesh.triangles() * out.instances.iter().filter(|i| i.mesh == k).count();
+        let own = out.instances.iter().filter(|i| i.mesh == k).map(often);
+        let drawn = own.sum::<usize>().saturating_mul(surface.mesh.triangles());
         if drawn > MANY_TRIANGLES {
             let what = format!("{}: levels of detail", out.materials[k].name());
             // The corners of a card have no place among the anchors of light between leaves.
@@ -73,8 +78,10 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
             out.meshes[k] = ledger.note("make", what, 0, || with_details(surface.mesh, out.leaf(k), card));
         }
     }
-    let leaves: usize = out.instances.iter().map(|i| out.meshes[i.mesh].indices.len() / 3).sum();
-    let all_wood: usize = placed.wood.iter().map(|w| w.mesh.triangles() * w.places.len()).sum();
+    let leaves: usize = out.instances.iter().map(|i| often(i) * (out.meshes[i.mesh].indices.len() / 3)).sum();
+    let of_stand = |s: &PlacedStand| s.places.len() * s.wood.iter().map(|w| w.mesh.triangles()).sum::<usize>();
+    let all_wood: usize = placed.wood.iter().map(|w| w.mesh.triangles() * w.places.len()).sum::<usize>()
+        + placed.stands.iter().map(of_stand).sum::<usize>();
     let mut barks = BarkSections::default();
     let (mut carried, ground) = (Vec::new(), world.ground());
     for (k, surface) in world.surfaces.iter().enumerate().skip(world.leaves) {
@@ -95,6 +102,13 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
             && manifest.ground.as_ref().is_some_and(|g| g.hill.is_none())
             && below_all(placed);
     }
+    for stand in 0..placed.stands.len() {
+        let wood = |surface| WorldInstance { surface, transform: DMat4::IDENTITY, section: None };
+        let carried = |i: WorldInstance| at(i, carried[i.surface - world.leaves]);
+        let all = world.stand_wood(stand).map(|surface| carried(wood(surface)));
+        out.instances.extend(all.map(|i| viewer::Instance { stand: Some(stand as u32), ..i }));
+    }
+    stands(placed, &mut out);
     plants(placed, manifest.wind.as_ref().is_some_and(|w| w.simplified), barks, &mut out);
     for lawn in &placed.grass {
         let slices = lawn.slices(manifest, ledger)?;
@@ -162,7 +176,7 @@ fn append(mesh: &mut viewer::Mesh, levels: Vec<detail::MeshDetailLevel>, vertice
 fn below_all(placed: &PlacedScene) -> bool {
     let Some((ground, _)) = &placed.ground else { return false };
     let height = ground.positions.first().map_or(0.0, |p| p.z);
-    let stands = |w: &PlacedWood| {
+    let wood = |w: &PlacedWood| {
         let above = |place: &DMat4| w.mesh.positions.iter().all(|v| place.transform_point3(*v).z >= height);
         w.places.iter().all(above)
     };
@@ -174,7 +188,9 @@ fn below_all(placed: &PlacedScene) -> bool {
         // Of most leaves the ball is above the ground, so that no vertex is looked at.
         Some(low >= height || mesh.positions.iter().all(|v| p.transform.transform_point3(*v).z >= height))
     };
-    placed.wood.iter().all(stands) && placed.placements.iter().filter_map(leaf).all(|b| b)
+    placed.wood.iter().all(wood)
+        && placed.standing().filter_map(leaf).all(|b| b)
+        && placed.stands.iter().all(|stand| above(stand, placed, height))
 }
 
 fn material(manifest: &SceneManifest, surface: &WorldSurface, ledger: &Ledger) -> Result<viewer::Material> {

@@ -20,8 +20,9 @@ pub mod scan;
 #[cfg(feature = "render")]
 pub mod scene_reference;
 #[cfg(feature = "render")]
-pub mod sections;
+mod sections;
 pub mod soil;
+pub(crate) mod stands;
 pub mod sunlight;
 #[cfg(feature = "render")]
 pub mod transfer;

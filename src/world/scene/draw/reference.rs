@@ -4,7 +4,7 @@
 //! both sides are drawn wherever the fit has them.
 
 use super::sunlight::relight;
-use super::{grass, soil};
+use super::{grass, soil, stands};
 use crate::Result;
 use crate::loaded::{LoadedLeaf, LoadedScene};
 use crate::manifest::{InteriorSource, SceneManifest, SunLight};
@@ -48,10 +48,12 @@ fn standing(scene: &LoadedScene, ledger: &Ledger) -> Result<transport::Reference
     // The blades of lawns are numbered before wood and ground.
     let blades = out.leaves.len() - world.leaves;
     out.instances.extend(world.standing_solids().map(|k| at(WorldInstance { surface: k.surface + blades, ..k })));
-    for surface in &world.surfaces[world.leaves..] {
+    let solids = world.leaves + scene.placed.wood.len() + usize::from(world.ground().is_some());
+    for surface in &world.surfaces[world.leaves..solids] {
         out.leaves.push(one(surface)?);
     }
     out.ground = world.ground().map(|_| out.instances.len() - 1);
+    stands::trace(&world, &scene.placed, &scene.manifest.path, &mut out, one)?;
     Ok(out)
 }
 
@@ -150,11 +152,12 @@ fn stand_at(world: &mut transport::ReferenceWorld, scene: &LoadedScene, time: f6
     if !placed.moves().any() {
         return;
     }
-    let drawn = placed.placements.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some());
+    let drawn = placed.standing().filter(|p| placed.leaves[p.leaf].mesh.is_some());
     for (instance, p) in world.instances.iter_mut().zip(drawn) {
         instance.transform = placed.at_time(p, time).transform;
     }
     move_wood(world, placed, time);
+    stands::move_to(world, placed, time);
     if placed.moves().grass {
         let first = scene.drawn().count();
         grass::lean(&placed.grass, world, first, time);
@@ -163,7 +166,8 @@ fn stand_at(world: &mut transport::ReferenceWorld, scene: &LoadedScene, time: f6
 
 /// Moves only the plants' wood.
 pub fn move_wood(world: &mut transport::ReferenceWorld, placed: &PlacedScene, time: f64) {
-    let first = world.leaves.len() - usize::from(placed.ground.is_some()) - placed.wood.len();
+    let after = usize::from(placed.ground.is_some()) + stands::traced(placed)[0];
+    let first = world.leaves.len() - after - placed.wood.len();
     if let Some(winds) = &placed.winds {
         let sections = winds.sections(time);
         for (k, moved) in placed.wood.iter().enumerate().filter_map(|(k, wood)| Some((k, wood.moved(&sections)?))) {

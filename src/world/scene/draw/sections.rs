@@ -1,9 +1,11 @@
-//! Hands plants that move to the GPU renderer: the sections that carry leaves and bark, for each time.
+//! Hands plants that move to the GPU renderer: the sections that carry leaves and bark, for each time. Also plants that
+//! stand in many places.
 
 use super::poses::poses;
 use crate::placed::PlacedScene;
 use crate::placed::sections::BarkMotion;
-use glam::DQuat;
+use crate::placed::stand::PlacedStand;
+use glam::{DMat4, DQuat, DVec3};
 use mesophyll_plants::pose::{LengthConstraint, RigidMotion};
 use mesophyll_viewer::scene as viewer;
 use std::collections::BTreeMap;
@@ -49,4 +51,34 @@ pub fn plants(placed: &PlacedScene, simplified: bool, barks: BarkSections, out: 
         poses,
         at: Arc::new(move |time| winds.sections_with(lengths, time).iter().map(section).collect()),
     });
+}
+
+/// Adds the places of stands.
+pub fn stands(placed: &PlacedScene, out: &mut viewer::Scene) {
+    out.stands.extend(placed.stands.iter().map(|stand| {
+        let place =
+            |(transform, pose): &(DMat4, u32)| viewer::StandPlace { transform: transform.as_mat4(), pose: *pose };
+        Arc::new(viewer::Stand {
+            places: stand.places.iter().map(place).collect(),
+            first: stand.first as u32,
+            sections: stand.sections as u32,
+            poses: stand.poses as u32,
+        })
+    }));
+}
+
+/// Whether all plants of a stand are above a height (mm), as far as boxes around a plant at rest tell.
+pub fn above(stand: &PlacedStand, placed: &PlacedScene, height: f64) -> bool {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let mut add = |p: DVec3| (low, high) = (low.min(p), high.max(p));
+    for (leaf, mesh) in stand.leaves.iter().filter_map(|p| Some((p, placed.leaves[p.leaf].mesh.as_ref()?))) {
+        mesh.positions.iter().for_each(|p| add(leaf.transform.transform_point3(*p)));
+    }
+    stand.wood.iter().flat_map(|wood| &wood.mesh.positions).for_each(|p| add(*p));
+    let corner = |k: usize| {
+        let pick = |bit: usize, l: f64, h: f64| if k & bit == 0 { l } else { h };
+        DVec3::new(pick(1, low.x, high.x), pick(2, low.y, high.y), pick(4, low.z, high.z))
+    };
+    let stands = |(place, _): &(DMat4, u32)| (0..8).all(|k| place.transform_point3(corner(k)).z >= height);
+    low.x > high.x || stand.places.iter().all(stands)
 }

@@ -66,7 +66,7 @@ fn light(
             let mut facing = VisibleSides::default();
             facing.add(
                 mesh,
-                &LeafPlacement { leaf: leaf.placed.index, transform: instances[i].transform, section: None },
+                &LeafPlacement { leaf: leaf.placed.index, transform: instances[i].transform, section: None, frame: 0 },
                 eyes,
                 Some((sun, radius)),
             );

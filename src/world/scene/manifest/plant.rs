@@ -95,9 +95,16 @@ pub struct StatedPlant {
     /// Number of plants in the area.
     #[serde(default = "single")]
     pub count: usize,
+    /// A file with a list of places, in place of a number and an area. Each line has x y z, which are added to
+    /// `position_mm`.
+    pub positions: Option<PathBuf>,
+    /// Unit of that list; metres when absent.
+    pub unit: Option<LengthUnit>,
+    /// Least and largest factor on the scale of the single plants, by the seed; 1 when absent.
+    pub scales: Option<[f64; 2]>,
     /// Size of the area along x and y, around the position.
     pub area_mm: Option<[f64; 2]>,
-    /// Seed of the places in the area.
+    /// Seed of the places in the area, and of the turns and scales.
     #[serde(default)]
     pub seed: u64,
     /// Force of the wind (N) for each m/s and for each m² across the wind. All of the wood and half of the leaves

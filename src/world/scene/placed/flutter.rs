@@ -75,7 +75,8 @@ impl PlacedFlutter {
         let weights = leaf_weights(towards.to_array());
         let norm = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
         let ways = planes(towards).map(|within| unrepeated(within.normalize_or(DVec2::X)));
-        let (hangs, places) = (hangs(&planted.plant), planted.places.clone());
+        let places = planted.groups.as_ref().map_or(&planted.places, |groups| &groups.leaders);
+        let (hangs, places) = (hangs(&planted.plant), places.clone());
         PlacedFlutter { gusts, weights: weights.map(|w| w / norm), ways, hangs, places }
     }
 

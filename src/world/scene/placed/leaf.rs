@@ -127,7 +127,7 @@ impl PlacedLeaf {
         for card in cards() {
             let turn = placement::rotation(card.rotation_deg);
             let transform = DMat4::from_rotation_translation(turn, card.camera.target);
-            let p = LeafPlacement { leaf: index, transform, section: None };
+            let p = LeafPlacement { leaf: index, transform, section: None, frame: 0 };
             out.on_cards.add(&LeafMesh::rectangle(1.0, 1.0), &p, &[card.camera.eye], sun);
         }
         Ok(out)

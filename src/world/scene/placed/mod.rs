@@ -9,6 +9,7 @@ pub mod daylight;
 pub mod fits;
 pub mod flutter;
 pub mod grass;
+pub mod groups;
 pub mod lawn_lean;
 pub mod leaf;
 pub mod ledger;
@@ -18,6 +19,8 @@ pub mod placement;
 pub mod plant;
 pub mod poses;
 pub mod sections;
+pub mod spots;
+pub mod stand;
 pub mod sway;
 pub mod visible_sides;
 pub mod winds;
@@ -36,6 +39,7 @@ use mesophyll_fits::grass::hill::Hill;
 use motion::SceneMotion;
 use placement::LeafPlacement;
 use plant::{PlacedPlant, PlacedShape, PlacedWood};
+use stand::PlacedStand;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winds::SwayingPlants;
@@ -45,12 +49,14 @@ use winds::SwayingPlants;
 pub struct PlacedScene {
     /// The leaves, in the manifest's order.
     pub leaves: Vec<PlacedLeaf>,
-    /// The placements of leaves at rest.
+    /// The placements of leaves at rest, and last those that stand for the leaves of [`PlacedScene::stands`].
     pub placements: Vec<LeafPlacement>,
     /// The places of the cameras of perspective views.
     pub eyes: Vec<DVec3>,
     /// The wood of plants.
     pub wood: Vec<PlacedWood>,
+    /// Plants that stand in many places and share poses.
+    pub stands: Vec<PlacedStand>,
     /// Every shape of a plant's blades, with the plant's name.
     pub shapes: Vec<(String, PlacedShape)>,
     /// Lawns on the ground.
@@ -74,7 +80,7 @@ impl PlacedScene {
     pub fn new(manifest: &SceneManifest, search: LeafSearch, ledger: &Ledger) -> Result<PlacedScene> {
         manifest.require_colours()?;
         let planted = plant::planted(manifest, ledger)?;
-        let Standing { placements, wood, winds } = stand(manifest, &planted, ledger)?;
+        let Standing { placements, wood, stands, winds } = stand(manifest, &planted, ledger)?;
         let shapes = planted.iter().flat_map(|p| p.shapes().map(move |shape| (p.name.clone(), shape))).collect();
         let eyes = manifest.perspectives().map(|v| v.camera.eye).collect();
         let moves = SceneMotion { winds: winds.as_deref(), grass: false };
@@ -86,6 +92,7 @@ impl PlacedScene {
             placements,
             eyes,
             wood,
+            stands,
             shapes,
             grass: grass::lawns(manifest, ledger)?,
             ground: manifest.ground.as_ref().map(|g| (level(manifest, g), g.albedo)),
@@ -100,9 +107,14 @@ impl PlacedScene {
     /// # Errors
     /// As [`SwayingPlants::new`].
     pub fn replant(&mut self, manifest: &SceneManifest, plants: &[PlacedPlant], ledger: &Ledger) -> Result<()> {
-        let Standing { placements, wood, winds } = stand(manifest, plants, ledger)?;
-        (self.placements, self.wood, self.winds) = (placements, wood, winds);
+        let Standing { placements, wood, stands, winds } = stand(manifest, plants, ledger)?;
+        (self.placements, self.wood, self.stands, self.winds) = (placements, wood, stands, winds);
         Ok(())
+    }
+
+    /// The leaves at rest that are each stored: all but those that stand for others.
+    pub fn standing(&self) -> impl Iterator<Item = &LeafPlacement> {
+        self.placements.iter().filter(|p| p.frame == 0)
     }
 
     /// Everything that moves.
@@ -203,6 +215,7 @@ impl PlacedScene {
 struct Standing {
     placements: Vec<LeafPlacement>,
     wood: Vec<PlacedWood>,
+    stands: Vec<PlacedStand>,
     winds: Option<Arc<SwayingPlants>>,
 }
 
@@ -212,7 +225,7 @@ fn stand(manifest: &SceneManifest, plants: &[PlacedPlant], ledger: &Ledger) -> R
     let winds = SwayingPlants::new(manifest, plants, ledger)?.map(Arc::new);
     let swaying = |k: usize| winds.as_ref().and_then(|w| w.plants[k].as_ref());
     let mut wood = Vec::new();
-    for (k, plant) in plants.iter().enumerate() {
+    for (k, plant) in plants.iter().enumerate().filter(|(_, plant)| plant.groups.is_none()) {
         let leaves = plant.plant.leaves.len();
         placements.extend(plant.placements().enumerate().map(|(i, rest)| {
             let section = swaying(k).map(|s| s.sections.of_leaf(i / leaves, i % leaves));
@@ -220,7 +233,9 @@ fn stand(manifest: &SceneManifest, plants: &[PlacedPlant], ledger: &Ledger) -> R
         }));
         wood.extend(swaying(k).map_or_else(|| plant.wood(), |s| s.sections.wood(plant.wood())));
     }
-    Ok(Standing { placements, wood, winds })
+    let stands = plants.iter().enumerate().filter_map(|(k, plant)| PlacedStand::new(plant, swaying(k))).collect();
+    placements.extend(stand::near(plants, winds.as_deref()));
+    Ok(Standing { placements, wood, stands, winds })
 }
 
 /// Number of cells along a side of the ground in a scene with light between leaves, which is computed at the cells'

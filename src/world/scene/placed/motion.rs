@@ -31,7 +31,13 @@ impl SceneMotion<'_> {
     /// A placement at a time (s).
     pub fn placement(&self, rest: &LeafPlacement, time: f64) -> LeafPlacement {
         let transform = match (rest.section, self.winds) {
-            (Some(section), Some(winds)) => winds.sections(time)[section].carry(rest.transform),
+            (Some(section), Some(winds)) => {
+                let by = winds.sections(time)[section];
+                match (rest.frame as usize).checked_sub(1).and_then(|k| winds.frames.get(k)) {
+                    Some(frame) => *frame * by.carry(frame.inverse() * rest.transform),
+                    None => by.carry(rest.transform),
+                }
+            }
             _ => rest.transform,
         };
         LeafPlacement { transform, ..*rest }

@@ -13,6 +13,10 @@ pub struct LeafPlacement {
     /// The section of a plant that the leaf moves with, by its number among the sections of the scene
     /// ([`super::sections`]).
     pub section: Option<usize>,
+    /// 0, or one more than the index of the place of a plant that shares its pose
+    /// ([`super::winds::SwayingPlants::frames`]): its section moves in the plant's frame. Such leaves stand for all
+    /// leaves of their `[[plant]]` where a scene is planned.
+    pub frame: u32,
 }
 
 /// The scene's single leaves, in the manifest's order.
@@ -20,7 +24,7 @@ pub fn placements(manifest: &SceneManifest) -> Vec<LeafPlacement> {
     let placed = |i: &crate::manifest::SceneInstance| {
         let (turn, place) = (rotation(i.rotation_deg), DVec3::from(i.position_mm));
         let transform = DMat4::from_scale_rotation_translation(DVec3::splat(i.scale), turn, place);
-        manifest.leaf_index(&i.leaf).map(|leaf| LeafPlacement { leaf, transform, section: None })
+        manifest.leaf_index(&i.leaf).map(|leaf| LeafPlacement { leaf, transform, section: None, frame: 0 })
     };
     manifest.instances.iter().filter_map(placed).collect()
 }

@@ -5,9 +5,11 @@
 //! gives the reflectance of the bark. A leaf is drawn in its own size times the plant's scale and the size that the
 //! plant gives the blade.
 
+use super::groups::PlantGroups;
 use super::overrides;
-use super::placement::{LeafPlacement, rotation};
+use super::placement::LeafPlacement;
 use super::sections::BarkMotion;
+use super::spots::spots;
 use crate::manifest::{SceneManifest, SceneMaterial};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
@@ -16,13 +18,11 @@ use mesophyll_files::mesh::LeafMesh;
 use mesophyll_plants::form::{Branch, Plant};
 use mesophyll_plants::growth::described;
 use mesophyll_plants::import;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 use std::collections::BTreeSet;
-use std::f64::consts::TAU;
 
-/// The largest number of leaves of all plants together. The real-time renderer takes about a kilobyte for each.
-const MOST_LEAVES: usize = 8_000_000;
+/// The largest number of leaves of all plants together that share no poses. The real-time renderer takes about a
+/// kilobyte for each. It is also the largest number of leaves through which the path tracer follows light.
+pub const MOST_LEAVES: usize = 8_000_000;
 
 /// Wood in the scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +63,8 @@ pub struct PlacedPlant {
     pub plant: Plant,
     /// The transform from plant to world, for every place where it stands.
     pub places: Vec<DMat4>,
+    /// How its plants share poses; `None` where each has a pose of its own.
+    pub groups: Option<PlantGroups>,
     /// The scene's leaf for every blade of the plant.
     leaves: Vec<usize>,
     barks: Vec<(String, [f64; 3])>,
@@ -101,7 +103,7 @@ pub fn planted(manifest: &SceneManifest, ledger: &Ledger) -> Result<Vec<PlacedPl
         let stem = source.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         overrides::apply(manifest, index, &mut plant, ledger)?;
         let one = one(manifest, index, said, said.name.clone().unwrap_or(stem), plant)?;
-        total += one.plant.leaves.len() * one.places.len();
+        total += if one.groups.is_some() { 0 } else { one.plant.leaves.len() * one.places.len() };
         if total > MOST_LEAVES {
             let what = format!("{total} leaves up to here");
             return Err(Error::unexpected(
@@ -171,7 +173,11 @@ fn one(
         return Err(wrong(format!("found \"{unused}\", expected a material of the plant ({})", known.join(", "))));
     }
     sized(&mut plant, said.leaf_scale);
-    Ok(PlacedPlant { name, same: (0, false), plant, places: places(said), leaves, barks, leaf_scale: said.leaf_scale })
+    let mut spots = spots(manifest, said)?;
+    let share = PlantGroups::form(manifest, spots.len(), plant.leaves.len());
+    let groups = share.then(|| PlantGroups::new(manifest, said, &mut spots));
+    let places = spots.iter().map(|spot| spot.transform(said)).collect();
+    Ok(PlacedPlant { name, same: (0, false), plant, places, groups, leaves, barks, leaf_scale: said.leaf_scale })
 }
 
 /// Draws leaves `factor` times as large in place of blades, which themselves stay as they are.
@@ -180,37 +186,6 @@ fn sized(plant: &mut Plant, factor: f64) {
         plant.leaves.iter_mut().for_each(|leaf| leaf.transform *= DMat4::from_scale(DVec3::splat(factor)));
         plant.blades.iter_mut().flat_map(|blade| &mut blade.mesh.positions).for_each(|p| *p /= factor);
     }
-}
-
-/// The transforms of a plant: one, or several that are spread over an area, each turned about the vertical. Random
-/// places keep a distance from those before them.
-fn places(said: &crate::manifest::StatedPlant) -> Vec<DMat4> {
-    let at = DVec3::from(said.position_mm);
-    let own = |offset: DVec3, azimuth: f64| {
-        DMat4::from_translation(at + offset)
-            * DMat4::from_rotation_z(azimuth)
-            * DMat4::from_quat(rotation(said.rotation_deg))
-            * DMat4::from_scale(DVec3::splat(said.scale))
-    };
-    let Some([width, depth]) = said.area_mm else { return vec![own(DVec3::ZERO, 0.0)] };
-    let mut rng = Pcg64::seed_from_u64(said.seed);
-    let mut found: Vec<DVec3> = Vec::with_capacity(said.count);
-    let mut out = Vec::with_capacity(said.count);
-    for _ in 0..said.count {
-        // Mitchell's best candidate of a few: the one that is farthest from all others.
-        let mut best = (DVec3::ZERO, -1.0);
-        for _ in 0..8 {
-            let (x, y) = (rng.random::<f64>() - 0.5, rng.random::<f64>() - 0.5);
-            let place = DVec3::new(width * x, depth * y, 0.0);
-            let free = found.iter().map(|p| p.distance_squared(place)).fold(f64::INFINITY, f64::min);
-            if free > best.1 {
-                best = (place, free);
-            }
-        }
-        found.push(best.0);
-        out.push(own(best.0, TAU * rng.random::<f64>()));
-    }
-    out
 }
 
 impl PlacedPlant {
@@ -226,12 +201,16 @@ impl PlacedPlant {
 
     /// Its leaves at all its places.
     pub fn placements(&self) -> impl Iterator<Item = LeafPlacement> {
-        self.places.iter().flat_map(|place| {
-            self.plant.leaves.iter().map(|leaf| LeafPlacement {
-                leaf: self.leaves[leaf.blade],
-                transform: *place * leaf.transform,
-                section: None,
-            })
+        self.places.iter().flat_map(|place| self.leaves_at(*place))
+    }
+
+    /// Its leaves where the plant stands at a place.
+    pub fn leaves_at(&self, place: DMat4) -> impl Iterator<Item = LeafPlacement> {
+        self.plant.leaves.iter().map(move |leaf| LeafPlacement {
+            leaf: self.leaves[leaf.blade],
+            transform: place * leaf.transform,
+            section: None,
+            frame: 0,
         })
     }
 

@@ -24,6 +24,8 @@ pub struct PlantSections {
     /// Number of the plant's first section among those of the scene.
     first: usize,
     places: Vec<DMat4>,
+    /// Whether its plants share poses.
+    shared: bool,
 }
 
 /// How the bark of a plant that moves is carried.
@@ -50,7 +52,12 @@ impl PlantSections {
             Arc::new(of_vertices)
         });
         let bark = bark.collect();
-        PlantSections { on, leaves: planted.plant.leaves.len(), bark, first, places: planted.places.clone() }
+        // Plants that share poses move in their own frame.
+        let places = match &planted.groups {
+            Some(groups) => vec![DMat4::IDENTITY; groups.leaders.len()],
+            None => planted.places.clone(),
+        };
+        PlantSections { on, leaves: planted.plant.leaves.len(), bark, first, places, shared: planted.groups.is_some() }
     }
 
     /// Branch and share of its axis of every section of a place. Those of the leaves come first, in the leaves' order.
@@ -58,7 +65,13 @@ impl PlantSections {
         &self.on
     }
 
-    /// The transforms from plant to world.
+    /// Number of the plant's first section among those of the scene.
+    pub fn first(&self) -> usize {
+        self.first
+    }
+
+    /// The transforms from plant to world; from the plant's own frame to itself where plants share poses, once for each
+    /// pose.
     pub fn places(&self) -> &[DMat4] {
         &self.places
     }
@@ -84,7 +97,8 @@ impl PlantSections {
         all.map(|section| own(section).moved(to_world)).collect()
     }
 
-    /// The plant's wood, separate for every place, because each bends differently.
+    /// The plant's wood, separate for every place, because each bends differently. Plants that share poses have it
+    /// once.
     pub fn wood(&self, rest: Vec<PlacedWood>) -> Vec<PlacedWood> {
         let at = |(k, place): (usize, &DMat4)| {
             let first = self.of_leaf(k, 0);
@@ -94,18 +108,24 @@ impl PlantSections {
             });
             wood.collect::<Vec<PlacedWood>>()
         };
-        self.places.iter().enumerate().flat_map(at).collect()
+        let apart = if self.shared { 1 } else { self.places.len() };
+        self.places[..apart].iter().enumerate().flat_map(at).collect()
     }
 }
 
 impl PlacedWood {
     /// Its mesh in its own frame, moved by the scene's sections; `None` where none carries it.
     pub fn moved(&self, sections: &[RigidMotion]) -> Option<LeafMesh> {
+        self.moved_by(&sections[self.bark_moves.as_ref()?.first..])
+    }
+
+    /// The same, moved by sections of which the first is the plant's first.
+    pub fn moved_by(&self, sections: &[RigidMotion]) -> Option<LeafMesh> {
         let (bark, place) = (self.bark_moves.as_ref()?, self.places.first()?);
         let back = place.inverse();
         let mut mesh = self.mesh.clone();
         for (k, own) in bark.of_vertices.iter().enumerate() {
-            let by = &sections[bark.first + *own as usize];
+            let by = &sections[*own as usize];
             let turned = |v| back.transform_vector3(by.turn * place.transform_vector3(v));
             mesh.positions[k] = back.transform_point3(by.place(place.transform_point3(mesh.positions[k])));
             mesh.normals[k] = turned(mesh.normals[k]);

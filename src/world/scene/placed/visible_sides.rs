@@ -171,6 +171,7 @@ mod tests {
             leaf: 0,
             transform: DMat4::from_translation(DVec3::new(x, 0.0, z)) * DMat4::from_rotation_y(tilt),
             section: None,
+            frame: 0,
         }
     }
 
@@ -215,7 +216,12 @@ mod tests {
         let found =
             |both: &dyn Fn((f64, f64)) -> bool| (0..=400).map(|k| f64::from(k) / 10.0 - 20.0).any(|x| both(at(x)));
         let mut f = VisibleSides::default();
-        f.add(&mesh, &LeafPlacement { leaf: 0, transform: DMat4::IDENTITY, section: None }, &[eye], Some((sun, 0.0)));
+        f.add(
+            &mesh,
+            &LeafPlacement { leaf: 0, transform: DMat4::IDENTITY, section: None, frame: 0 },
+            &[eye],
+            Some((sun, 0.0)),
+        );
         let corners = [at(-20.0), at(20.0)];
         assert!(corners.iter().all(|(v, l)| !(*v > 0.03 * 45.0 && *l > 0.03)), "{corners:?}");
         assert!(found(&|(v, l)| v > 0.0 && l > 0.0) && f.lit[0]);

@@ -29,7 +29,7 @@ pub fn lights(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePl
             plan.need(PlanNeed::new("sun", "the scene has one: three numbers and a direction, its disk by its radius"));
             let radius = sun.radius_deg.to_radians();
             let meshes: Vec<Option<&LeafMesh>> = placed.leaves.iter().map(|l| l.mesh.as_ref()).collect();
-            let leaves_alone = !free && placed.wood.is_empty();
+            let leaves_alone = !free && placed.wood.is_empty() && placed.stands.is_empty();
             let beforehand = sun_visibility(manifest, placed).is_ok();
             match leaves_alone.then(|| visible_sides::shadows(&meshes, &placed.placements, direction, radius)) {
                 Some(Err(why)) => plan.leave_out(PlanOmission::new("shadow maps", why, shadow_bytes, None)),

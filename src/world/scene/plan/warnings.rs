@@ -27,8 +27,9 @@ pub fn warnings(manifest: &SceneManifest, placed: &PlacedScene) -> Result<Vec<St
         out.extend(unseen(manifest, placed, leaf));
     }
     out.extend(other_blades(manifest, placed));
-    for wood in &placed.wood {
-        let scale = wood.places.first().map_or(1.0, |place| place.x_axis.truncate().length());
+    let of_stands = placed.stands.iter().flat_map(|s| s.wood.iter().map(|w| (w, s.places.first().map(|p| p.0))));
+    for (wood, place) in placed.wood.iter().map(|w| (w, w.places.first().copied())).chain(of_stands) {
+        let scale = place.map_or(1.0, |place| place.x_axis.truncate().length());
         let size = 2.0 * wood.mesh.bounds().1 * scale;
         if size > 0.0 && !PLANTS.contains(&size) {
             let what = "the lengths of its file are taken for metres, as glTF says; `scale` makes it another size";

@@ -6,7 +6,7 @@ use crate::Result;
 use crate::draw::reference;
 use crate::draw::scene_reference::{ReferenceSampling, SceneReference};
 use crate::draw::sunlight::relight_where;
-use crate::draw::{handover, leaf_maps};
+use crate::draw::{handover, leaf_maps, stands};
 use crate::loaded::{LoadedLeaf, LoadedScene};
 use crate::manifest::{InteriorSource, PerspectiveView};
 use crate::placed::daylight::{self, Daylight};
@@ -128,12 +128,19 @@ impl SceneEditor {
         let place = |i: &viewer::Instance| {
             let rest = i.transform.as_dmat4();
             let section = i.carried.filter(|c| c.vertices.is_none()).map(|c| c.first as usize);
-            let at_rest = LeafPlacement { leaf: i.material, transform: rest, section };
+            let at_rest = LeafPlacement { leaf: i.material, transform: rest, section, frame: 0 };
             let transform = self.scene.placed.at_time(&at_rest, time).transform;
             transport::ReferencePlacement { leaf: i.material, transform }
         };
-        world.instances = scene.instances.iter().map(place).collect();
+        let [_, more] = stands::traced(&self.scene.placed);
+        let in_stands = world.instances.split_off(world.instances.len() - more);
+        world.instances = scene.instances.iter().filter(|i| i.stand.is_none()).map(place).collect();
+        if world.ground.is_some_and(|g| g >= world.instances.len()) {
+            world.ground = None;
+        }
+        world.instances.extend(in_stands);
         reference::move_wood(&mut world, &self.scene.placed, time);
+        stands::move_to(&mut world, &self.scene.placed, time);
         world.sun = scene.sun.map(|s| transport::ReferenceSun {
             direction: s.direction.as_dvec3(),
             irradiance: s.irradiance.map(f64::from),
@@ -154,9 +161,6 @@ impl SceneEditor {
         (world.background, world.exposure) = (scene.background.map(f64::from), f64::from(scene.exposure));
         let has =
             |leaf: usize, s: usize| scene.leaf(leaf).is_some_and(|l| l.sides[Side::ALL[s]].translucency.is_some());
-        if world.ground.is_some_and(|g| g >= world.instances.len()) {
-            world.ground = None;
-        }
         // The path tracer also follows light through leaves that nobody sees.
         let eyes = if scene.transfer.is_some() { None } else { Some([eye]) };
         relight_where(&mut world, &self.scene, eyes.as_ref().map(|e| e.as_slice()), has)?;

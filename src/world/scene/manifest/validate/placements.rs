@@ -3,8 +3,10 @@
 use super::place::ManifestText;
 use crate::manifest::{GRAINS_A_TILE, MOST_LEAF_RESONANCE, Result, SceneMaterial};
 
-/// The largest number of plants. Each looks for a place away from all others before it.
-const MOST_PLANTS: usize = 10_000;
+/// The largest number of plants of a `[[plant]]`.
+const MOST_PLANTS: usize = 2_000_000;
+/// Least and largest factor on the scale of single plants.
+const SCALES: [f64; 2] = [1e-3, 1e3];
 
 pub fn placements(p: &ManifestText) -> Result<()> {
     let m = p.manifest;
@@ -120,8 +122,20 @@ fn plants(p: &ManifestText) -> Result<()> {
             p.range(HEADER, i, "flutter.damping", flutter.damping, [0.2, 10.0], "of the critical one")?;
         }
         p.range(HEADER, i, "count", plant.count as f64, [1.0, MOST_PLANTS as f64], "plants")?;
+        if plant.positions.is_some() && (plant.count > 1 || plant.area_mm.is_some()) {
+            let told = "given beside a count or an area; expected one of the two";
+            return Err(p.error(HEADER, i, "positions", told));
+        }
+        if plant.unit.is_some() && plant.positions.is_none() {
+            return Err(p.error(HEADER, i, "unit", "given without a list of positions"));
+        }
+        if let Some([low, high]) = plant.scales {
+            p.range(HEADER, i, "scales", low, SCALES, "")?;
+            p.range(HEADER, i, "scales", high, [low, SCALES[1]], "")?;
+        }
         match plant.area_mm {
             Some(area) => area.iter().try_for_each(|a| p.positive(HEADER, i, "area_mm", *a, "length in mm"))?,
+            None if plant.positions.is_some() => {}
             None if plant.count > 1 => {
                 return Err(p.error(HEADER, i, "area_mm", "missing; several plants need an area"));
             }

@@ -6,20 +6,24 @@
 //! spectrum were a power of the frequency, which it is not. Here, branches share a texture if their resonances are
 //! within [`crate::placed::sway::ALIKE`] of each other, whatever their level.
 
+mod limits;
+
 use crate::manifest::{SceneManifest, StatedFlutter};
 use crate::placed::flutter::{FlutterGusts, PlacedFlutter, TEXTURES};
+use crate::placed::groups::PlantGroups;
 use crate::placed::ledger::Ledger;
 use crate::placed::plant::PlacedPlant;
 use crate::placed::sections::PlantSections;
 use crate::placed::sway::{MOTION_SIDE, alike, leads, sways, variance};
 use crate::placed::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
+use limits::{bounded, flutters, held};
 use mesophyll_fits::branch::beam::basis;
 use mesophyll_plants::form::Branch;
 use mesophyll_plants::mechanics::motion::{MotionTexture, TextureCell, Trajectory};
 use mesophyll_plants::mechanics::motion_spectrum::SpectrumMethod;
 use mesophyll_plants::mechanics::wind::{Sway, Wind};
-use mesophyll_plants::pose::{self, FREELY, LengthConstraint, Limb, Pose, RestPose, RigidMotion};
+use mesophyll_plants::pose::{self, LengthConstraint, Limb, Pose, RestPose, RigidMotion};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
@@ -51,8 +55,10 @@ pub struct SwayingPlant {
     pub flutter: Option<PlacedFlutter>,
     /// For each branch, the amplitude of its stated load if it were horizontal.
     loads: Vec<f64>,
-    /// For each place, the direction that the wind blows to, and the world's up; in the plant's frame.
+    /// For each pose, the direction that the wind blows to, and the world's up; in the plant's frame.
     towards: Vec<[DVec3; 2]>,
+    /// How its plants share poses; `None` where each place has its own.
+    groups: Option<PlantGroups>,
     seed: u64,
 }
 
@@ -71,6 +77,8 @@ struct Gusty {
     texture: usize,
     gain: f64,
     line: Trajectory,
+    /// The time after which the gusts arrive (s).
+    delay: f64,
 }
 
 impl Swing {
@@ -87,11 +95,6 @@ const SWINGS: usize = 2048;
 /// The largest number of motion textures (8 MB each) of branches and leaves. More are more likely an error of a file
 /// than a real plant.
 const MOST_TEXTURES: usize = 64;
-/// The largest number of cross-sections of all plants together, which the smallest buffers of an adapter hold.
-const MOST_SECTIONS: usize = 4_000_000;
-/// The largest number of vertices of bark of all plants together. Every place counts separately.
-const MOST_BARK: usize = 20_000_000;
-
 /// All sections of all plants at a time (s).
 #[derive(Debug)]
 struct PosedSections {
@@ -109,6 +112,8 @@ pub struct SwayingPlants {
     pub motions: Vec<MotionTexture>,
     /// The gusts for leaves, for each kind of flutter.
     pub gusts: Vec<Arc<FlutterGusts>>,
+    /// The places of plants that share poses and are near to the cameras, one `[[plant]]` after the other.
+    pub frames: Vec<DMat4>,
     /// The sections at the last times that were requested.
     last: Mutex<Vec<PosedSections>>,
 }
@@ -187,7 +192,8 @@ impl SwayingPlants {
             let answers = sways.into_iter().enumerate().map(answer).collect();
             let world = wind.map_or(DVec3::X, crate::manifest::SceneWind::direction);
             let own = |m: &DMat4, v: DVec3| (DMat3::from_mat4(*m).transpose() * v).normalize_or_zero();
-            let towards = p.places.iter().map(|m| [own(m, world), own(m, DVec3::Z)]).collect();
+            let leaders = p.groups.as_ref().map_or(&p.places, |groups| &groups.leaders);
+            let towards = leaders.iter().map(|m| [own(m, world), own(m, DVec3::Z)]).collect();
             let load = |(b, limb): (&Branch, &Limb)| if limb.length > 0.0 { b.bending_load / limb.length } else { 0.0 };
             let loads = p.plant.branches.iter().zip(&limbs.0).map(load).collect();
             let seed = seed.wrapping_add((1 + index as u64) << 40);
@@ -196,13 +202,18 @@ impl SwayingPlants {
                 first = sections.end();
                 let kind = manifest.plants[index].flutter.as_ref().and_then(|f| flutters.iter().position(|g| *g == f));
                 let flutter = kind.map(|kind| PlacedFlutter::new(gusts[kind].clone(), world, p));
-                SwayingPlant { limbs, answers, sections, flutter, loads, towards, seed }
+                let groups = p.groups.clone();
+                SwayingPlant { limbs, answers, sections, flutter, loads, towards, groups, seed }
             })
         });
         let plants: Vec<Option<SwayingPlant>> = plants.collect();
         bounded(manifest, planted, &plants)?;
         held(manifest, planted, &plants)?;
-        Ok(Some(SwayingPlants { plants, motions, gusts, last: Mutex::default() }))
+        let near = |p: &PlacedPlant| -> Vec<DMat4> {
+            p.groups.iter().flat_map(|g| g.near.iter().map(|place| p.places[*place])).collect()
+        };
+        let frames = planted.iter().flat_map(near).collect();
+        Ok(Some(SwayingPlants { plants, motions, gusts, frames, last: Mutex::default() }))
     }
 
     /// Whether anything moves with time. Where it does not, plants are only bent by their loads.
@@ -213,25 +224,28 @@ impl SwayingPlants {
     /// The pose of a plant at one of its places under its loads alone, without a wind; `None` where nothing moves it.
     pub fn loaded(&self, plant: usize, place: usize) -> Option<Pose<'_>> {
         let swaying = self.plants.get(plant)?.as_ref()?;
+        let place = swaying.pose_of(place);
         Some(swaying.limbs.pose(|branch| swaying.weight(place, branch)))
     }
 
-    /// What bends a branch at a place.
+    /// What bends a branch at a place, which is one of the poses where plants share them.
     fn swing(&self, plant: &SwayingPlant, place: usize, branch: usize) -> Swing {
         let weight = plant.weight(place, branch);
         let Some(answer) = &plant.answers[branch] else { return Swing { weight, gusts: None } };
         let (limb, motion) = (&plant.limbs.0[branch], &self.motions[answer.texture]);
         let [_, r, s] = limb.axes;
         let still = answer.sway.steady(plant.towards[place][0].to_array(), r.to_array(), s.to_array());
-        let seed = plant.seed.wrapping_add(((place as u64) << 20) + 1 + branch as u64);
+        // Groups have the same gusts, one after the other.
+        let (own, delay) = plant.groups.as_ref().map_or((place, 0.0), |groups| (0, groups.delays[place]));
+        let seed = plant.seed.wrapping_add(((own as u64) << 20) + 1 + branch as u64);
         let line = motion.trajectory(seed, answer.faster);
         let steady = still.map(|c| c / limb.tip);
-        Swing { weight, gusts: Some(Gusty { steady, texture: answer.texture, gain: answer.gain, line }) }
+        Swing { weight, gusts: Some(Gusty { steady, texture: answer.texture, gain: answer.gain, line, delay }) }
     }
 
     /// Amplitude of a branch towards r and s of its limb at a time (s).
     fn amplitude(&self, swing: &Swing, time: f64) -> [f64; 2] {
-        let gust = |of: &Gusty| self.motions[of.texture].sample(of.line.at(time));
+        let gust = |of: &Gusty| self.motions[of.texture].sample(of.line.at(time - of.delay));
         swing.amplitude(swing.gusts.as_ref().map_or([0.0; 2], gust))
     }
 
@@ -253,7 +267,7 @@ impl SwayingPlants {
     fn amplitudes_of(&self, swings: &[(Swing, f64)], time: f64) -> Vec<[f32; 2]> {
         let cell = |(swing, _): &(Swing, f64)| {
             let of = swing.gusts.as_ref()?;
-            Some((&self.motions[of.texture], self.motions[of.texture].cell(of.line.at(time))))
+            Some((&self.motions[of.texture], self.motions[of.texture].cell(of.line.at(time - of.delay))))
         };
         let cells: Vec<Option<(&MotionTexture, TextureCell)>> = swings.iter().map(cell).collect();
         let texels = |of: &Option<(&MotionTexture, TextureCell)>| of.as_ref().map(|(motion, cell)| motion.texels(cell));
@@ -267,7 +281,8 @@ impl SwayingPlants {
         swings.iter().zip(gusts).map(one).collect()
     }
 
-    /// Every plant that moves at each of its places: its index, the plant, and the index of the place.
+    /// Every plant that moves at each of its places: its index, the plant, and the index of the place. Of plants that
+    /// share poses, each pose counts as a place.
     pub fn places(&self) -> impl Iterator<Item = (usize, &SwayingPlant, usize)> {
         let plants = self.plants.iter().enumerate().filter_map(|(k, plant)| Some((k, plant.as_ref()?)));
         plants.flat_map(|(k, plant)| (0..plant.towards.len()).map(move |place| (k, plant, place)))
@@ -275,7 +290,8 @@ impl SwayingPlants {
 
     /// The pose of a plant at one of its places and a time (s), in its own frame; `None` where nothing moves it.
     pub fn pose(&self, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
-        self.pose_with(LengthConstraint::Kept, plant, place, time)
+        let pose = self.plants.get(plant)?.as_ref()?.pose_of(place);
+        self.pose_with(LengthConstraint::Kept, plant, pose, time)
     }
 
     fn pose_with(&self, lengths: LengthConstraint, plant: usize, place: usize, time: f64) -> Option<Pose<'_>> {
@@ -290,72 +306,22 @@ impl SwayingPlants {
 }
 
 impl SwayingPlant {
+    /// The pose of a place: its number among the poses that plants share, or the place itself.
+    pub fn pose_of(&self, place: usize) -> usize {
+        self.groups.as_ref().map_or(place, |groups| groups.of_place[place] as usize)
+    }
+
+    /// Number of poses.
+    pub fn poses(&self) -> usize {
+        self.towards.len()
+    }
+
     /// Amplitude of a branch towards r and s of its limb by its stated load. Only the part of the weight across the
     /// branch bends it.
     fn weight(&self, place: usize, branch: usize) -> [f64; 2] {
         let [_, r, s] = self.limbs.0[branch].axes;
         [r, s].map(|across| -across.dot(self.towards[place][1]) * self.loads[branch])
     }
-}
-
-/// Refuses a stated load that bends a branch farther than a beam bends.
-fn held(manifest: &SceneManifest, planted: &[PlacedPlant], plants: &[Option<SwayingPlant>]) -> Result<()> {
-    for (k, swaying) in plants.iter().enumerate() {
-        let Some(swaying) = swaying else { continue };
-        for branch in (0..swaying.loads.len()).filter(|b| swaying.loads[*b] != 0.0) {
-            let tips = (0..swaying.towards.len()).map(|place| {
-                let [x, y] = swaying.weight(place, branch);
-                x.hypot(y) * swaying.limbs.0[branch].beam_tip()
-            });
-            // A tip that is not a number counts as too far.
-            let tip = tips.fold(0.0f64, |a, b| if b <= a { a } else { b });
-            if !(tip <= FREELY) {
-                let name = &planted[k].plant.branches[branch].name;
-                let found = format!("a load under which its tip goes by {tip:.3e} of its length");
-                let field = format!("plant {}: branch \"{name}\"", k + 1);
-                return Err(Error::unexpected(&manifest.path, &field, found, format!("at most {FREELY}")));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// All kinds of flutter of a scene, each once.
-fn flutters<'a>(
-    manifest: &'a SceneManifest,
-    planted: &[PlacedPlant],
-    sways: &[Vec<Option<(Sway, f64)>>],
-) -> Result<Vec<&'a StatedFlutter>> {
-    let mut out: Vec<&StatedFlutter> = Vec::new();
-    for (k, ((said, one), sways)) in manifest.plants.iter().zip(planted).zip(sways).enumerate() {
-        let Some(flutter) = said.flutter.as_ref().filter(|_| !one.plant.leaves.is_empty()) else { continue };
-        if sways.iter().all(Option::is_none) {
-            let what = "leaves cannot flutter where no branch sways; expected branches with a length and a mass";
-            return Err(Error::field(&manifest.path, &format!("plant {}: flutter", k + 1), what));
-        }
-        if !out.contains(&flutter) {
-            out.push(flutter);
-        }
-    }
-    Ok(out)
-}
-
-/// Refuses too many cross-sections and vertices of bark before any of them are made.
-fn bounded(manifest: &SceneManifest, planted: &[PlacedPlant], plants: &[Option<SwayingPlant>]) -> Result<()> {
-    let mut bark = 0usize;
-    for (k, (one, swaying)) in planted.iter().zip(plants).enumerate() {
-        let Some(swaying) = swaying else { continue };
-        let wood: usize = one.plant.branches.iter().map(|b| b.wood.positions.len()).sum();
-        bark = bark.saturating_add(wood.saturating_mul(one.places.len()));
-        let sections = swaying.sections.end();
-        if sections > MOST_SECTIONS || bark > MOST_BARK {
-            let found =
-                format!("plants in the wind with {sections} cross-sections and {bark} vertices of bark up to here");
-            let expected = format!("at most {MOST_SECTIONS} and {MOST_BARK}");
-            return Err(Error::unexpected(&manifest.path, &format!("plant {}: count", k + 1), found, expected));
-        }
-    }
-    Ok(())
 }
 
 /// Number of times whose sections are kept. A scene has few views.
