@@ -8,8 +8,8 @@ use mesophyll_files::progress::TaskProgress;
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
-    beam, coverage, foliar, gloss, grass, leaf, motion, nist, peers, render, scene, sky, slab, solver, transfer,
-    translucency, transport, visibility, wind,
+    beam, coverage, foliar, forest, gloss, grass, leaf, motion, nist, peers, render, scene, sky, slab, solver,
+    transfer, translucency, transport, visibility, wind,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -91,7 +91,7 @@ const NONE: ModelEntry =
     ModelEntry { name: "", about: "", fit: None, eval: None, design: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [ModelEntry; 27] = [
+pub const MODELS: [ModelEntry; 28] = [
     ModelEntry {
         name: "solve",
         about: "The solver of least squares: stiff, singular and unbounded problems",
@@ -243,6 +243,12 @@ pub const MODELS: [ModelEntry; 27] = [
     ModelEntry {
         name: "dipole",
         eval: verb!(eval::dipole, "Light diffusing through a leaf, by thickness and distance"),
+        ..NONE
+    },
+    ModelEntry {
+        name: "forest",
+        about: "Plants that stand very often: a million of them, inside each other, tiny, huge, out of sight",
+        stress: Some(forest::rows),
         ..NONE
     },
     ModelEntry {

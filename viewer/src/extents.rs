@@ -15,6 +15,8 @@ pub(crate) struct Extents {
     /// How many of these cast a shadow.
     casters: usize,
     sections: Option<SectionAnimation>,
+    /// The height below which there is nothing at rest.
+    pub low: f32,
     /// Balls that hold all poses ([`reach`]), where the adapter poses what is carried.
     reach: Option<Vec<(Vec3, f32)>>,
 }
@@ -129,7 +131,9 @@ impl Extents {
         let (floors, mut points): (Vec<_>, Vec<_>) = points.chain(stands).chain(lawns).partition(|(_, floor)| *floor);
         let casters = points.len();
         points.extend(floors);
+        let heights = points.iter().flat_map(|((_, points), _)| points).map(|p: &Vec3| p.z);
         Extents {
+            low: heights.fold(f32::INFINITY, f32::min),
             points: points.into_iter().map(|(one, _)| one).collect(),
             casters,
             sections: scene.sections.clone(),

@@ -10,7 +10,7 @@ use crate::passes::bounds::reach;
 use crate::passes::choose::Choice;
 use crate::passes::place::{PlacePass, Placed};
 use crate::scene::{Instance, Mesh, Scene};
-use crate::stand::{self, StandBatch};
+use crate::stand::{self, Falls, StandBatch};
 use crate::stats::RenderStatistics;
 use crate::thinning::Seen;
 use crate::variant::Variant;
@@ -297,9 +297,9 @@ impl Batch {
     }
 
     /// Chooses on the CPU what shadow maps show whose texels have this side.
-    pub(crate) fn cast(&mut self, gpu: &Gpu, texel: f32) {
+    pub(crate) fn cast(&mut self, gpu: &Gpu, texel: f32, falls: Option<&Falls>) {
         match &mut self.stand {
-            Some(stand) => stand.cast(gpu, texel, &self.levels, &self.instances),
+            Some(stand) => stand.cast(gpu, texel, falls, &self.levels, &self.instances),
             None => self.levels.thin_maps(gpu, texel),
         }
     }
@@ -308,7 +308,7 @@ impl Batch {
     /// knows it.
     pub(crate) fn apart(&self, texel: f32) -> f32 {
         match (&self.stand, &self.choice) {
-            (Some(stand), _) => stand.seen.apart + self.levels.apart_in_maps(texel),
+            (Some(stand), _) => stand.seen.apart + stand.apart_in_maps(texel, &self.levels),
             (None, Some(_)) => self.levels.apart_in_maps(texel),
             (None, None) => self.levels.apart(texel),
         }

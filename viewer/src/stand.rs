@@ -6,7 +6,7 @@ use crate::detail::{Levels, PIXELS};
 use crate::extents::{StandBounds, scale_of};
 use crate::gpu::Gpu;
 use crate::passes::shadow::STRIDE;
-use crate::scene::{Instance, Stand};
+use crate::scene::{Instance, Stand, StandPlace, Sun};
 use crate::shader::Defines;
 use crate::thinning::{FADE, FEWEST, MANY, Seen, WIDE, ranks};
 use glam::Vec3;
@@ -22,6 +22,11 @@ const NARROW: f32 = 24.0;
 const LAST: f32 = 16.0;
 /// Classes of numbers of leaves between a number and twice as many. The draws of a class have as many leaves.
 const CLASSES: f32 = 4.0;
+/// The largest distance (mm) by which surfaces are lifted out of their own shadows because of levels of detail. Coarser
+/// levels leave out and widen, and move what they keep by less.
+const LIFTED: f32 = 32.0;
+/// The sine of the least elevation of the sun at which plants are left out of shadow maps.
+const LOW_SUN: f32 = 0.05;
 /// The largest number of instances of a draw.
 const MOST_INSTANCES: usize = 1 << 28;
 
@@ -93,6 +98,29 @@ struct StandRun {
     offset: u32,
 }
 
+/// Where shadows fall, for pictures whose shadow maps are drawn with them.
+pub(crate) struct Falls {
+    seen: Seen,
+    /// Towards the sun.
+    sun: Vec3,
+    /// Height below which there is nothing.
+    low: f32,
+}
+
+impl Falls {
+    /// Where the sun's shadows fall; `None` for a low sun, whose shadows are long.
+    pub(crate) fn new(seen: Seen, sun: &Sun, low: f32) -> Option<Falls> {
+        let sun = sun.direction.normalize();
+        (sun.z > LOW_SUN).then_some(Falls { seen, sun, low })
+    }
+
+    /// Where the shadow of a ball ends.
+    fn end(&self, centre: Vec3, radius: f32) -> Vec3 {
+        let height = (centre.z + radius - self.low).max(0.0);
+        centre - self.sun * (height / self.sun.z)
+    }
+}
+
 /// A plant of a list: its level, its class, its place and the share of its leaves that is drawn.
 type Listed = (usize, u32, u32, f32);
 
@@ -134,7 +162,7 @@ impl StandBatch {
             let most = PIXELS * seen.pixel * (distance - radius * scale).max(0.0);
             let enlarged = scale * largest(kept);
             let level = (0..levels.lit().len()).rev().find(|n| levels.lit()[*n].1 * enlarged <= most).unwrap_or(0);
-            apart = apart.max(levels.lit()[level].1 * enlarged);
+            apart = apart.max((levels.lit()[level].1 * enlarged).min(LIFTED));
             listed.push((level, self.class(kept), k as u32, kept));
         }
         let ranges: Vec<Range<u32>> = levels.lit().iter().map(|(range, _)| range.clone()).collect();
@@ -144,13 +172,32 @@ impl StandBatch {
         self.seen = list;
     }
 
-    /// Chooses what maps show whose texels have this side.
-    pub(crate) fn cast(&mut self, gpu: &Gpu, texel: f32, levels: &Levels, leaves: &wgpu::Buffer) {
-        let one = |(k, place): (usize, &crate::scene::StandPlace)| {
-            let kept = self.kept(scale_of(&place.transform), texel);
-            (0, self.class(kept), k as u32, kept)
+    /// The part of [`StandList::apart`] that the level in shadow maps has.
+    pub(crate) fn apart_in_maps(&self, texel: f32, levels: &Levels) -> f32 {
+        levels.apart_in_maps(texel).min(LIFTED)
+    }
+
+    /// Chooses what maps show whose texels have this side. With `falls`, plants are left out whose shadows fall beside
+    /// the picture.
+    pub(crate) fn cast(
+        &mut self,
+        gpu: &Gpu,
+        texel: f32,
+        falls: Option<&Falls>,
+        levels: &Levels,
+        leaves: &wgpu::Buffer,
+    ) {
+        let one = |(k, place): (usize, &StandPlace)| {
+            let scale = scale_of(&place.transform);
+            let (centre, radius) = self.bounds.moving;
+            let (centre, radius) = (place.transform.transform_point3(centre), radius * scale);
+            if falls.is_some_and(|falls| !falls.seen.shows_on_way([centre, falls.end(centre, radius)], radius)) {
+                return None;
+            }
+            let kept = self.kept(scale, texel);
+            Some((0, self.class(kept), k as u32, kept))
         };
-        let listed = self.stand.places.iter().enumerate().map(one).collect();
+        let listed = self.stand.places.iter().enumerate().filter_map(one).collect();
         let mut list = std::mem::take(&mut self.casting);
         self.fill(gpu, &mut list, listed, &[levels.shadow(texel)], levels.around().0, leaves);
         self.casting = list;

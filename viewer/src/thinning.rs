@@ -70,6 +70,20 @@ impl Seen {
         along >= -radius && inside(to.dot(right), half[0]) && inside(to.dot(up), half[1])
     }
 
+    /// Whether any part of a ball that moves from one place to another may be in the picture on its way.
+    pub(crate) fn shows_on_way(&self, [from, to]: [Vec3; 2], radius: f32) -> bool {
+        let Some(([ahead, right, up], half)) = self.frustum else { return true };
+        // How far a place is on the inner side of each of the picture's planes: on a straight way, most at an end.
+        let inside = |place: Vec3| {
+            let to = place - self.eye;
+            let [along, x, y] = [ahead, right, up].map(|axis| to.dot(axis));
+            let wide = half.map(|h| radius * h.hypot(1.0));
+            let [w, h] = [along * half[0] + wide[0], along * half[1] + wide[1]];
+            [along + radius, w - x, w + x, h - y, h + y]
+        };
+        inside(from).into_iter().zip(inside(to)).all(|(a, b)| a >= 0.0 || b >= 0.0)
+    }
+
     /// The factor by which a leaf with this rank and ball is drawn larger; 0 where it is left out.
     pub(crate) fn enlarged(&self, rank: f32, centre: Vec3, radius: f32) -> f32 {
         if self.frustum.is_none() {
@@ -193,6 +207,10 @@ mod tests {
                 inside(centre + radius * Vec3::new((1.0 - z * z).sqrt() * a.cos(), (1.0 - z * z).sqrt() * a.sin(), z))
             });
             let shown = seen.shows(centre, radius);
+            let way = [centre, centre + Vec3::new(0.0, 9.0, -4.0)];
+            let along = (0..=20).any(|j| seen.shows(way[0].lerp(way[1], j as f32 / 20.0), radius));
+            assert!(seen.shows_on_way(way, radius) || !along, "{centre}");
+            assert_eq!(seen.shows_on_way([centre; 2], radius), shown);
             assert!(shown || !(some || inside(centre)), "{centre}");
             out += usize::from(!shown);
             wasted += usize::from(shown && !some && !inside(centre));

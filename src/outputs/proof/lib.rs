@@ -9,6 +9,7 @@ pub mod bench;
 pub mod bench_charts;
 pub mod coverage;
 pub mod foliar;
+pub mod forest;
 pub mod gloss;
 pub mod grass;
 pub mod leaf;

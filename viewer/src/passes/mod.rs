@@ -10,6 +10,7 @@ pub(crate) mod bend;
 pub(crate) mod bloom;
 pub(crate) mod bounds;
 pub(crate) mod choose;
+pub(crate) mod disk;
 pub(crate) mod fit;
 pub(crate) mod fullscreen;
 pub(crate) mod grass;

@@ -6,6 +6,7 @@
 use crate::gpu::Gpu;
 use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass, Ride};
+use crate::passes::disk::disk_directions;
 use crate::passes::fit::FitPass;
 use crate::passes::main::Drawn;
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
@@ -39,23 +40,6 @@ pub(crate) struct ShadowPass {
     drawn: bool,
     /// Fits the maps to what the adapter moves.
     fit: Option<FitPass>,
-}
-
-/// Directions to the sun's disk: the centre alone, or `n` points that each represent the same share of it.
-pub(crate) fn disk_directions(sun: &Sun, n: u32) -> Vec<Vec3> {
-    let centre = sun.direction.normalize();
-    if n == 1 || sun.radius == 0.0 {
-        return vec![centre; n as usize];
-    }
-    let (a, b) = centre.any_orthonormal_pair();
-    let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
-    (0..n)
-        .map(|i| {
-            let tan = sun.radius.tan() * ((i as f32 + 0.5) / n as f32).sqrt();
-            let (sin, cos) = (i as f32 * golden).sin_cos();
-            (centre + tan * (cos * a + sin * b)).normalize()
-        })
-        .collect()
 }
 
 /// The tightest orthographic matrix around `corners` as seen along `direction`, and the longer side of its texels.
@@ -221,6 +205,11 @@ impl ShadowPass {
         stats.pipeline("shadow: clear");
         let directions = disk_directions(sun, self.layers.len() as u32);
         self.fit = Some(FitPass::new(gpu, parts, &directions, still, self.resolution));
+    }
+
+    /// Whether the maps follow what moves, and are drawn for each picture.
+    pub(crate) fn follows_motion(&self) -> bool {
+        self.fit.is_some()
     }
 
     /// Whether the maps are valid as they are.

@@ -33,6 +33,7 @@ use crate::passes::tonemap::TonemapPass;
 use crate::passes::transfer::TransferPass;
 use crate::readback;
 use crate::scene::{Camera, Material, Mesh, Scanner, Scene, SectionAnimation, SkyDome, Sun};
+use crate::stand::Falls;
 use crate::stats::RenderStatistics;
 use crate::thinning::Seen;
 use crate::timing::Clock;
@@ -281,13 +282,15 @@ impl Renderer {
             Some(shadow) => shadow.aim(&self.gpu, loaded.shadow_texel, pixel),
             None => loaded.shadow_texel,
         };
+        let follows = loaded.shadow.as_ref().filter(|shadow| shadow.follows_motion());
+        let falls = follows.and_then(|_| Falls::new(seen, &loaded.sun?, loaded.extents.low));
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
             if batch.choice.is_none() {
                 batch.arrange(&self.gpu, &seen);
             }
             if loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn()) {
-                batch.cast(&self.gpu, texel);
+                batch.cast(&self.gpu, texel, falls.as_ref());
             }
             apart = apart.max(batch.apart(texel));
         }

@@ -4,8 +4,8 @@
 
 use super::card::LeafCard;
 use super::leaf_maps;
-use super::sections::{BarkSections, above, plants, stands};
-use super::{detail, grass, transfer, tubes};
+use super::sections::{BarkSections, above, maps_of_sun, plants, stands};
+use super::{detail, far_wood, grass, transfer, tubes};
 use crate::loaded::LoadedScene;
 use crate::loaded::curve::curve;
 use crate::manifest::SceneManifest;
@@ -88,7 +88,12 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
         let (wood, mut on_ring) = (Some(k) != ground, Vec::new());
         let mut mesh = if wood { shown(k, surface.mesh) } else { viewer_mesh(surface.mesh) };
         if wood && leaves + all_wood > MANY_TRIANGLES && scene.transfer.is_none() {
-            let found = tubes::levels(surface.mesh, surface.bark.is_some());
+            let solids = world.leaves + placed.wood.len() + usize::from(ground.is_some());
+            let bends = surface.bark.is_some();
+            let found = match k < solids {
+                true => tubes::levels(surface.mesh, bends),
+                false => far_wood::levels(surface.mesh, bends),
+            };
             append(&mut mesh, found.levels, &found.more);
             on_ring = found.on_ring;
         }
@@ -109,6 +114,9 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
         out.instances.extend(all.map(|i| viewer::Instance { stand: Some(stand as u32), ..i }));
     }
     stands(placed, &mut out);
+    if let Some(most) = maps_of_sun(placed, &out) {
+        out.shadow_samples = out.shadow_samples.min(most);
+    }
     plants(placed, manifest.wind.as_ref().is_some_and(|w| w.simplified), barks, &mut out);
     for lawn in &placed.grass {
         let slices = lawn.slices(manifest, ledger)?;

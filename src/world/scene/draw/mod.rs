@@ -5,6 +5,8 @@ pub mod bands;
 mod both_tests;
 pub mod card;
 pub mod detail;
+#[cfg(feature = "render")]
+pub mod far_wood;
 pub mod flat_blade;
 pub mod grass;
 #[cfg(feature = "render")]

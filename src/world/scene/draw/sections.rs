@@ -82,3 +82,21 @@ pub fn above(stand: &PlacedStand, placed: &PlacedScene, height: f64) -> bool {
     let stands = |(place, _): &(DMat4, u32)| (0..8).all(|k| place.transform_point3(corner(k)).z >= height);
     low.x > high.x || stand.places.iter().all(stands)
 }
+
+/// The number of shadow maps beyond which a scene with stands gains nothing: their texels are as wide as what stands
+/// there over the maps' side, and within a texel the parts of the sun's disk are not told apart. `None` without stands.
+pub fn maps_of_sun(placed: &PlacedScene, out: &viewer::Scene) -> Option<u32> {
+    let sun = out.sun.filter(|_| !placed.stands.is_empty())?;
+    let places = || placed.stands.iter().flat_map(|stand| &stand.places).map(|(place, _)| place.w_axis.truncate());
+    let (low, high) = places().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+    let texel = (high - low).max_element() / f64::from(out.shadow_resolution.max(1));
+    let tall = |stand: &PlacedStand| {
+        let top = stand.leaves.iter().map(|leaf| leaf.transform.w_axis.length()).fold(0.0, f64::max);
+        let scale = stand.places.iter().map(|(place, _)| place.x_axis.truncate().length()).fold(0.0, f64::max);
+        top * scale
+    };
+    let height = placed.stands.iter().map(tall).fold(0.0, f64::max);
+    // Half of the height is the mean way of a shadow within a crown and to the ground.
+    let penumbra = 2.0 * f64::from(sun.radius).tan() * 0.5 * height;
+    Some(((penumbra / texel.max(1e-9)).powi(2).ceil() as u32).max(1))
+}

@@ -10,23 +10,26 @@ use std::f64::consts::{PI, TAU};
 /// Largest distance of each level from the wood (mm), the finest first. More would lift what is lit out of shadows.
 const LEVELS: [f64; 4] = [0.5, 2.0, 8.0, 32.0];
 /// A level is dropped if it has more than this share of the triangles of the one before.
-const WORTH: f64 = 0.7;
+pub const WORTH: f64 = 0.7;
 
 /// A tube of a mesh: `rings` rings of `sides` corners, each of which repeats its first corner at its end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Tube {
+pub struct Tube {
     first: usize,
-    sides: usize,
+    /// Number of corners of a ring.
+    pub sides: usize,
     rings: usize,
 }
 
 /// A ring's middle, the directions to its first corner and along the axis, and its radius.
 #[derive(Debug, Clone, Copy)]
-struct Ring {
-    middle: DVec3,
+pub struct Ring {
+    /// Its middle.
+    pub middle: DVec3,
     out: DVec3,
     axis: DVec3,
-    radius: f64,
+    /// Its radius.
+    pub radius: f64,
 }
 
 /// The levels of wood.
@@ -40,33 +43,45 @@ pub struct WoodLevels {
     pub on_ring: Vec<u32>,
 }
 
+impl WoodLevels {
+    /// Leaves only so many of the new vertices.
+    pub fn forget(&mut self, had: usize) {
+        let more = &mut self.more;
+        more.positions.truncate(had);
+        more.normals.truncate(had);
+        more.tangents.truncate(had);
+        more.uvs.truncate(had);
+        self.on_ring.truncate(had);
+    }
+}
+
 /// The levels of wood. There are none where the mesh does not consist of tubes in the order in which `grow` writes
 /// them. Wood that `bends` keeps all of its rings, because between two rings that bend apart nothing would follow the
 /// branch.
 pub fn levels(mesh: &LeafMesh, bends: bool) -> WoodLevels {
     let mut out = WoodLevels::default();
-    let Some(tubes) = tubes(mesh) else { return out };
-    let rings: Vec<Vec<Ring>> = tubes.iter().map(|t| (0..t.rings).map(|k| ring(mesh, t, k)).collect()).collect();
+    let Some(tubes) = with_rings(mesh) else { return out };
     let mut before = mesh.triangles();
     for distance in LEVELS {
         let mut level = MeshDetailLevel { indices: Vec::new(), error_mm: 0.0, outline_only: false };
         let had = out.on_ring.len();
-        for (tube, rings) in tubes.iter().zip(&rings) {
+        for (tube, rings) in &tubes {
             add(mesh, tube, rings, distance, bends, &mut out, &mut level);
         }
         if level.indices.len() / 3 < (WORTH * before as f64) as usize {
             before = level.indices.len() / 3;
             out.levels.push(level);
         } else {
-            let more = &mut out.more;
-            more.positions.truncate(had);
-            more.normals.truncate(had);
-            more.tangents.truncate(had);
-            more.uvs.truncate(had);
-            out.on_ring.truncate(had);
+            out.forget(had);
         }
     }
     out
+}
+
+/// The tubes that a mesh consists of, each with its rings.
+pub fn with_rings(mesh: &LeafMesh) -> Option<Vec<(Tube, Vec<Ring>)>> {
+    let rings = |t: Tube| (t, (0..t.rings).map(|k| ring(mesh, &t, k)).collect());
+    Some(tubes(mesh)?.into_iter().map(rings).collect())
 }
 
 /// The tubes that a mesh consists of.
@@ -111,7 +126,7 @@ fn ring(mesh: &LeafMesh, tube: &Tube, k: usize) -> Ring {
 
 /// The factor by which a tube with `to` corners is wider than one with `from`, and its largest distance from that one,
 /// for a radius of 1.
-fn fewer(from: usize, to: usize) -> (f64, f64) {
+pub fn fewer(from: usize, to: usize) -> (f64, f64) {
     let around = |n: usize| n as f64 * (PI / n as f64).sin();
     let wider = around(from) / around(to);
     let inwards = 1.0 - wider * (PI / to as f64).cos();
@@ -126,7 +141,7 @@ fn add(
     rings: &[Ring],
     distance: f64,
     bends: bool,
-    WoodLevels { more, on_ring, .. }: &mut WoodLevels,
+    out: &mut WoodLevels,
     level: &mut MeshDetailLevel,
 ) {
     let radius = rings.iter().map(|r| r.radius).fold(0.0, f64::max);
@@ -142,10 +157,35 @@ fn add(
         false => thinned(rings, 0, rings.len() - 1, 0.5 * distance, &mut kept),
     };
     level.error_mm = level.error_mm.max(radius * off + along);
+    if sides < tube.sides {
+        return rebuilt(mesh, tube, rings, &kept, (sides, wider), out, level);
+    }
+    let corner = |at: usize| (tube.first + kept[at] * (tube.sides + 1)) as u32;
+    for at in 1..kept.len() {
+        between(corner(at - 1), corner(at), sides, level);
+    }
+}
+
+/// The triangles between two rings, which begin with these vertices.
+fn between(low: u32, high: u32, sides: usize, level: &mut MeshDetailLevel) {
+    for i in 0..sides as u32 {
+        level.indices.extend([low + i, low + i + 1, high + i, low + i + 1, high + i + 1, high + i]);
+    }
+}
+
+/// Adds the `kept` rings of a tube to a level with another number of corners, and so many times as wide.
+pub fn rebuilt(
+    mesh: &LeafMesh,
+    tube: &Tube,
+    rings: &[Ring],
+    kept: &[usize],
+    (sides, wider): (usize, f64),
+    WoodLevels { more, on_ring, .. }: &mut WoodLevels,
+    level: &mut MeshDetailLevel,
+) {
     let start = (mesh.positions.len() + more.positions.len()) as u32;
-    let old = |k: usize| (tube.first + k * (tube.sides + 1)) as u32;
-    for k in kept.iter().filter(|_| sides < tube.sides) {
-        let (ring, first) = (rings[*k], old(*k) as usize);
+    for k in kept {
+        let (ring, first) = (rings[*k], tube.first + k * (tube.sides + 1));
         let across = ring.axis.cross(ring.out);
         let own = |v: DVec3| [ring.out, across, ring.axis].map(|axis| axis.dot(v));
         let ([n, _, lean], [_, turn, along]) = (own(mesh.normals[first]), own(mesh.tangents[first].0));
@@ -161,21 +201,15 @@ fn add(
             on_ring.push(first as u32);
         }
     }
-    let corner = |at: usize| match sides < tube.sides {
-        true => start + (at * (sides + 1)) as u32,
-        false => old(kept[at]),
-    };
+    let corner = |at: usize| start + (at * (sides + 1)) as u32;
     for at in 1..kept.len() {
-        let (low, high) = (corner(at - 1), corner(at));
-        for i in 0..sides as u32 {
-            level.indices.extend([low + i, low + i + 1, high + i, low + i + 1, high + i + 1, high + i]);
-        }
+        between(corner(at - 1), corner(at), sides, level);
     }
 }
 
 /// Keeps `to`, and the rings between it and `from` that the cone between the two misses by more than `distance`, in
 /// place or radius (Douglas–Peucker). Returns the largest remaining distance.
-fn thinned(rings: &[Ring], from: usize, to: usize, distance: f64, kept: &mut Vec<usize>) -> f64 {
+pub fn thinned(rings: &[Ring], from: usize, to: usize, distance: f64, kept: &mut Vec<usize>) -> f64 {
     let (a, b) = (rings[from], rings[to]);
     let along = b.middle - a.middle;
     let off = |k: usize| {
