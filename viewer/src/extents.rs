@@ -3,7 +3,7 @@
 use crate::bend::Moved;
 use crate::geometry::{ball, corners};
 use crate::passes::bounds::reach;
-use crate::scene::{PoseHierarchy, Scene, SectionAnimation, SectionBinding, SectionMotion, Stand, WindState};
+use crate::scene::{PlantStand, PoseHierarchy, Scene, SectionAnimation, SectionBinding, SectionMotion, WindState};
 use glam::{Mat4, Vec3};
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ pub(crate) fn bounds(scene: &Scene) -> Vec<Arc<StandBounds>> {
     let boxes: Vec<Option<[Vec3; 8]>> = scene.meshes.iter().map(|mesh| corners(&mesh.positions)).collect();
     let poses = scene.sections.as_ref().and_then(|s| s.poses.as_deref());
     let reach = poses.map(|poses| (poses, reach(scene, poses)));
-    let one = |(k, stand): (usize, &Arc<Stand>)| {
+    let one = |(k, stand): (usize, &Arc<PlantStand>)| {
         let own = scene.instances.iter().filter(|i| i.stand == Some(k as u32));
         let points: Vec<Vec3> =
             own.filter_map(|i| Some(boxes[i.mesh]?.map(|p| i.transform.transform_point3(p)))).flatten().collect();
@@ -77,7 +77,7 @@ pub(crate) fn bounds(scene: &Scene) -> Vec<Arc<StandBounds>> {
 
 /// Points around all plants of a stand: the corners of each plant's box, or of the box around all of them where these
 /// are many.
-fn around(stand: &Stand, bounds: &StandBounds) -> Vec<Vec3> {
+fn around(stand: &PlantStand, bounds: &StandBounds) -> Vec<Vec3> {
     let centre = 0.5 * (bounds.corners[0] + bounds.corners[7]);
     let larger = if stand.sections > 0 { BENT } else { 1.0 };
     let own = bounds.corners.map(|corner| centre + larger * (corner - centre));

@@ -6,7 +6,7 @@ use crate::detail::{Levels, PIXELS};
 use crate::extents::{StandBounds, scale_of};
 use crate::gpu::Gpu;
 use crate::passes::shadow::STRIDE;
-use crate::scene::{Instance, Stand, StandPlace, Sun};
+use crate::scene::{Instance, PlantStand, StandPlace, Sun};
 use crate::shader::Defines;
 use crate::thinning::{FADE, FEWEST, MANY, Seen, WIDE, ranks};
 use glam::Vec3;
@@ -68,7 +68,7 @@ pub(crate) fn leaves(rows: &[[[f32; 4]; 3]], rides: &[i32], thinned: bool) -> Ve
 
 /// One mesh in one material of the plants of a stand.
 pub(crate) struct StandBatch {
-    stand: Arc<Stand>,
+    stand: Arc<PlantStand>,
     bounds: Arc<StandBounds>,
     /// Number of instances in a plant, and whether fewer of them may be drawn at a distance.
     leaves: u32,
@@ -127,7 +127,7 @@ type Listed = (usize, u32, u32, f32);
 impl StandBatch {
     pub(crate) fn new(
         gpu: &Gpu,
-        stand: &Arc<Stand>,
+        stand: &Arc<PlantStand>,
         bounds: &Arc<StandBounds>,
         levels: &Levels,
         instances: &[Instance],

@@ -69,7 +69,7 @@ mod drawn {
     use mesophyll_check::told;
     use mesophyll_files::progress;
     use mesophyll_viewer as gpu;
-    use mesophyll_viewer::scene::{self as viewer, Instance, Scene, Stand, StandPlace};
+    use mesophyll_viewer::scene::{self as viewer, Instance, PlantStand, Scene, StandPlace};
     use std::sync::Arc;
     use std::time::Instant;
 
@@ -126,7 +126,7 @@ mod drawn {
             let at = |transform| Instance { transform, stand: Some(0), ..one };
             scene.instances = leaves(count).map(at).collect();
             let places = places.iter().map(|place| StandPlace { transform: *place, pose: 0 }).collect();
-            scene.stands = vec![Arc::new(Stand { places, poses: 1, ..Stand::default() })];
+            scene.stands = vec![Arc::new(PlantStand { places, poses: 1, ..PlantStand::default() })];
         } else {
             let all = places.iter().flat_map(|place| leaves(count).map(move |leaf| *place * leaf));
             scene.instances = all.map(|transform| Instance { transform, ..one }).collect();

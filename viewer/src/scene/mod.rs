@@ -74,7 +74,7 @@ pub use motion::{
     AxisPiece, PoseHierarchy, PoseLimb, SectionAnimation, SectionBinding, SectionMotion, SectionSeat, WindState,
 };
 use serde::{Deserialize, Serialize};
-pub use stand::{Stand, StandPlace};
+pub use stand::{PlantStand, StandPlace};
 use std::sync::Arc;
 
 /// Everything in a picture: meshes, materials, instances, the things that bend, and the lights.
@@ -131,7 +131,7 @@ pub struct Scene {
     pub sun_shares: Option<Arc<Vec<u8>>>,
     /// Plants that stand in many places. They are not written with the scene.
     #[serde(skip)]
-    pub stands: Vec<Arc<Stand>>,
+    pub stands: Vec<Arc<PlantStand>>,
     /// Lawns as slices. They hide other things and are hidden by them, and they are shaded by the scene's shadow maps.
     /// But they cast no shadow. Without a lawn, the pass has no code and no textures.
     pub grass: Vec<Arc<Grass>>,

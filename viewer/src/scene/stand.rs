@@ -7,7 +7,7 @@ use glam::Mat4;
 /// A plant and its places. Its instances ([`Instance::stand`]) are in the scene once. Their transforms lead to the
 /// plant's own frame, and each place leads from there to the world.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Stand {
+pub struct PlantStand {
     /// Where the plant stands.
     pub places: Vec<StandPlace>,
     /// Number of its first section. [`SectionBinding::first`] of its instances counts in the first pose.

@@ -4,7 +4,7 @@ use crate::common::*;
 use glam::{Mat4, Quat, Vec3};
 use mesophyll_viewer::Picture;
 use mesophyll_viewer::scene::{
-    Camera, Instance, Scene, SectionAnimation, SectionBinding, SectionMotion, Stand, StandPlace, WindState,
+    Camera, Instance, PlantStand, Scene, SectionAnimation, SectionBinding, SectionMotion, StandPlace, WindState,
 };
 use std::sync::Arc;
 
@@ -65,7 +65,7 @@ fn scene(stand: bool, moves: bool) -> Scene {
         let of = |k: usize| Instance { transform: leaf(k), carried: carried(k), stand: Some(0), ..one };
         scene.instances = (0..LEAVES).map(of).collect();
         let own = if moves { LEAVES as u32 } else { 0 };
-        scene.stands = vec![Arc::new(Stand { places, first: 0, sections: own, poses: 2 })];
+        scene.stands = vec![Arc::new(PlantStand { places, first: 0, sections: own, poses: 2 })];
         let both = |time: f64| (0..2 * LEAVES).map(|k| motion(k / LEAVES, k % LEAVES, time as f32)).collect();
         scene.sections = moves.then(|| sections(2 * LEAVES, Arc::new(both)));
     } else {
@@ -164,7 +164,8 @@ fn only_what_a_picture_needs_is_drawn() {
             transform: Mat4::from_translation(Vec3::new(spacing * k as f32, 0.0, 0.0)),
             pose: 0,
         };
-        scene.stands = vec![Arc::new(Stand { places: (0..9).map(place).collect(), first: 0, sections: 0, poses: 1 })];
+        scene.stands =
+            vec![Arc::new(PlantStand { places: (0..9).map(place).collect(), first: 0, sections: 0, poses: 1 })];
         scene
     };
     let look = |eye: Vec3, target: Vec3| Camera { eye, target, up: Vec3::Z, fov_y_deg: 40.0 };
@@ -185,14 +186,14 @@ fn only_what_a_picture_needs_is_drawn() {
 #[test]
 fn stands_that_contradict_themselves_are_refused() {
     let Some(mut renderer) = renderer() else { return };
-    let changed = |change: &dyn Fn(&mut Scene, &mut Stand)| {
+    let changed = |change: &dyn Fn(&mut Scene, &mut PlantStand)| {
         let mut scene = scene(true, true);
         let mut stand = (*scene.stands[0]).clone();
         change(&mut scene, &mut stand);
         scene.stands = vec![Arc::new(stand)];
         scene
     };
-    type Change<'a> = &'a dyn Fn(&mut Scene, &mut Stand);
+    type Change<'a> = &'a dyn Fn(&mut Scene, &mut PlantStand);
     let cases: [(Change<'_>, &str); 5] = [
         (&|s, _| s.instances[3].stand = Some(1), "instance 3, stand"),
         (&|_, s| s.places[2].pose = 2, "stand 0, place 2, pose"),

@@ -2,7 +2,7 @@
 //! wood covers as much as before. Lengths are in mm.
 
 use super::detail::MeshDetailLevel;
-use super::tubes::{self, Ring, Tube, WORTH, WoodLevels, fewer, rebuilt, thinned};
+use super::tubes::{self, WORTH, WoodLevels, WoodRing, WoodTube, fewer, rebuilt, thinned};
 use mesophyll_files::mesh::LeafMesh;
 
 /// Distances of the levels, the finest first: at each, a pixel is twice as wide as it says.
@@ -40,10 +40,10 @@ pub fn levels(mesh: &LeafMesh, bends: bool) -> WoodLevels {
 }
 
 /// The branches that a level has, and how many times as wide each is drawn. Together they are as large as all.
-fn kept(tubes: &[(Tube, Vec<Ring>)], distance: f64) -> Vec<(usize, f64)> {
+fn kept(tubes: &[(WoodTube, Vec<WoodRing>)], distance: f64) -> Vec<(usize, f64)> {
     let radius = |k: usize| tubes[k].1.iter().map(|ring| ring.radius).fold(0.0, f64::max);
     let size = |k: usize| {
-        let of = |w: &[Ring]| w[0].middle.distance(w[1].middle) * (w[0].radius + w[1].radius);
+        let of = |w: &[WoodRing]| w[0].middle.distance(w[1].middle) * (w[0].radius + w[1].radius);
         tubes[k].1.windows(2).map(of).sum::<f64>()
     };
     let largest = (0..tubes.len()).max_by(|a, b| size(*a).total_cmp(&size(*b)));
@@ -66,7 +66,7 @@ fn kept(tubes: &[(Tube, Vec<Ring>)], distance: f64) -> Vec<(usize, f64)> {
 }
 
 /// The rings of a branch that a level keeps.
-fn few(rings: &[Ring], distance: f64, bends: bool) -> Vec<usize> {
+fn few(rings: &[WoodRing], distance: f64, bends: bool) -> Vec<usize> {
     let mut kept = vec![0];
     thinned(rings, 0, rings.len() - 1, 0.5 * distance, &mut kept);
     if !bends {

@@ -58,7 +58,7 @@ pub fn stands(placed: &PlacedScene, out: &mut viewer::Scene) {
     out.stands.extend(placed.stands.iter().map(|stand| {
         let place =
             |(transform, pose): &(DMat4, u32)| viewer::StandPlace { transform: transform.as_mat4(), pose: *pose };
-        Arc::new(viewer::Stand {
+        Arc::new(viewer::PlantStand {
             places: stand.places.iter().map(place).collect(),
             first: stand.first as u32,
             sections: stand.sections as u32,

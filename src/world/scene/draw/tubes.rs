@@ -14,7 +14,7 @@ pub const WORTH: f64 = 0.7;
 
 /// A tube of a mesh: `rings` rings of `sides` corners, each of which repeats its first corner at its end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tube {
+pub struct WoodTube {
     first: usize,
     /// Number of corners of a ring.
     pub sides: usize,
@@ -23,7 +23,7 @@ pub struct Tube {
 
 /// A ring's middle, the directions to its first corner and along the axis, and its radius.
 #[derive(Debug, Clone, Copy)]
-pub struct Ring {
+pub struct WoodRing {
     /// Its middle.
     pub middle: DVec3,
     out: DVec3,
@@ -79,13 +79,13 @@ pub fn levels(mesh: &LeafMesh, bends: bool) -> WoodLevels {
 }
 
 /// The tubes that a mesh consists of, each with its rings.
-pub fn with_rings(mesh: &LeafMesh) -> Option<Vec<(Tube, Vec<Ring>)>> {
-    let rings = |t: Tube| (t, (0..t.rings).map(|k| ring(mesh, &t, k)).collect());
+pub fn with_rings(mesh: &LeafMesh) -> Option<Vec<(WoodTube, Vec<WoodRing>)>> {
+    let rings = |t: WoodTube| (t, (0..t.rings).map(|k| ring(mesh, &t, k)).collect());
     Some(tubes(mesh)?.into_iter().map(rings).collect())
 }
 
 /// The tubes that a mesh consists of.
-fn tubes(mesh: &LeafMesh) -> Option<Vec<Tube>> {
+fn tubes(mesh: &LeafMesh) -> Option<Vec<WoodTube>> {
     let mut rest = &mesh.indices[..];
     let mut out = Vec::new();
     while let [a, _, c, ..] = *rest {
@@ -94,7 +94,7 @@ fn tubes(mesh: &LeafMesh) -> Option<Vec<Tube>> {
         let corner = |n: usize| a + (n / sides) as u32 * ring + (n % sides) as u32;
         let quad = |k: u32| [k, k + 1, k + ring, k + 1, k + ring + 1, k + ring];
         let quads = rest.as_chunks::<6>().0.iter().enumerate().take_while(|(n, q)| **q == quad(corner(*n))).count();
-        let tube = Tube { first: a as usize, sides, rings: quads / sides + 1 };
+        let tube = WoodTube { first: a as usize, sides, rings: quads / sides + 1 };
         let closed = |k: usize| {
             let first = tube.first + k * ring as usize;
             mesh.positions[first].distance(mesh.positions[first + sides]) <= 1e-3 * ring_size(mesh, first)
@@ -113,7 +113,7 @@ fn ring_size(mesh: &LeafMesh, first: usize) -> f64 {
     mesh.positions[first].distance(mesh.positions[first + 1])
 }
 
-fn ring(mesh: &LeafMesh, tube: &Tube, k: usize) -> Ring {
+fn ring(mesh: &LeafMesh, tube: &WoodTube, k: usize) -> WoodRing {
     let first = tube.first + k * (tube.sides + 1);
     let corners = &mesh.positions[first..first + tube.sides];
     let n = tube.sides as f64;
@@ -121,7 +121,7 @@ fn ring(mesh: &LeafMesh, tube: &Tube, k: usize) -> Ring {
     let out = (corners[0] - middle).normalize_or_zero();
     let turn = |i: usize| (corners[i] - middle).cross(corners[(i + 1) % tube.sides] - middle);
     let axis = (0..tube.sides).map(turn).sum::<DVec3>().normalize_or_zero();
-    Ring { middle, out, axis, radius: corners.iter().map(|p| p.distance(middle)).sum::<f64>() / n }
+    WoodRing { middle, out, axis, radius: corners.iter().map(|p| p.distance(middle)).sum::<f64>() / n }
 }
 
 /// The factor by which a tube with `to` corners is wider than one with `from`, and its largest distance from that one,
@@ -137,8 +137,8 @@ pub fn fewer(from: usize, to: usize) -> (f64, f64) {
 /// rings. With `bends`, no ring is left out, and all of it is for fewer corners.
 fn add(
     mesh: &LeafMesh,
-    tube: &Tube,
-    rings: &[Ring],
+    tube: &WoodTube,
+    rings: &[WoodRing],
     distance: f64,
     bends: bool,
     out: &mut WoodLevels,
@@ -176,8 +176,8 @@ fn between(low: u32, high: u32, sides: usize, level: &mut MeshDetailLevel) {
 /// Adds the `kept` rings of a tube to a level with another number of corners, and so many times as wide.
 pub fn rebuilt(
     mesh: &LeafMesh,
-    tube: &Tube,
-    rings: &[Ring],
+    tube: &WoodTube,
+    rings: &[WoodRing],
     kept: &[usize],
     (sides, wider): (usize, f64),
     WoodLevels { more, on_ring, .. }: &mut WoodLevels,
@@ -209,7 +209,7 @@ pub fn rebuilt(
 
 /// Keeps `to`, and the rings between it and `from` that the cone between the two misses by more than `distance`, in
 /// place or radius (Douglas–Peucker). Returns the largest remaining distance.
-pub fn thinned(rings: &[Ring], from: usize, to: usize, distance: f64, kept: &mut Vec<usize>) -> f64 {
+pub fn thinned(rings: &[WoodRing], from: usize, to: usize, distance: f64, kept: &mut Vec<usize>) -> f64 {
     let (a, b) = (rings[from], rings[to]);
     let along = b.middle - a.middle;
     let off = |k: usize| {
@@ -314,7 +314,7 @@ mod tests {
             ring(&mesh, tube, (k - tube.first) / (tube.sides + 1))
         };
         for (p, k) in found.more.positions.iter().zip(&found.on_ring) {
-            let Ring { middle, axis, radius, .. } = of(*k as usize);
+            let WoodRing { middle, axis, radius, .. } = of(*k as usize);
             assert!(p.distance(middle) < 1.2 * radius && (*p - middle).dot(axis).abs() < 1e-9, "{p} {middle}");
         }
         let own = mesh.positions.len();

@@ -15,6 +15,8 @@ pub struct PlacedStand {
     pub wood: Vec<PlacedWood>,
     /// From the plant's frame to the world, and the pose, for each place.
     pub places: Vec<(DMat4, u32)>,
+    /// How much earlier or later than by the wind gusts reach its plants (s).
+    pub off: f64,
     /// Number of poses; 1 where nothing moves it.
     pub poses: usize,
     /// Number of sections of a pose; 0 where nothing moves it.
@@ -36,6 +38,7 @@ impl PlacedStand {
             leaves: leaves.map(|(k, leaf)| LeafPlacement { section: section(k), ..leaf }).collect(),
             wood: swaying.map_or_else(|| rest.clone(), |s| s.sections.wood(rest.clone())),
             places: planted.places.iter().enumerate().map(|(k, place)| (*place, pose(k))).collect(),
+            off: groups.off,
             poses: swaying.map_or(1, SwayingPlant::poses),
             sections: swaying.map_or(0, |s| s.sections.on().len()),
             first: swaying.map_or(0, |s| s.sections.first()),

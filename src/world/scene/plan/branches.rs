@@ -13,6 +13,7 @@ use mesophyll_plants::mechanics::taper::TERMS;
 /// Lists what moving plants need, or the reason why they need nothing.
 pub fn branches(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePlan, ledger: &Ledger) {
     measured(manifest, plan);
+    shared(placed, plan);
     let coefficients = (TERMS * (basis::DEGREE + 1) * 8) as u64;
     let texture = (MOTION_SIDE * MOTION_SIDE * 8) as u64;
     let Some(winds) = &placed.winds else {
@@ -59,6 +60,25 @@ pub fn branches(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut Scene
         let why = "the wind is simplified: surfaces are lit as if they had not turned, and lengths are corrected in \
             closed form";
         plan.leave_out(PlanOmission::new("turns of normals", why, 0, None));
+    }
+}
+
+/// Plants that are stored once, and what sharing poses costs.
+fn shared(placed: &PlacedScene, plan: &mut ScenePlan) {
+    for stand in &placed.stands {
+        let why = match stand.sections {
+            0 => "a plant that stands often is stored once".to_string(),
+            _ => format!(
+                "a plant that stands often is stored once, and its plants share poses: they differ by place and size \
+                 alone from others with the same pose, and gusts reach them {:.1} s too early or too late on average",
+                stand.off
+            ),
+        };
+        let mut need = PlanNeed::new("plants that are stored once", why);
+        need.amount = Some(format!("{} plants in {} poses", stand.places.len(), stand.poses));
+        // The place of a plant for pictures and for shadow maps, for leaves and wood.
+        need.bytes = Some(4 * 64 * stand.places.len() as u64);
+        plan.need(need);
     }
 }
 
