@@ -110,7 +110,7 @@ mod drawn {
 
     /// The places of a plant's leaves: on a spiral around its stem.
     fn leaves(count: usize) -> impl Iterator<Item = Mat4> {
-        (0..count).map(|k| {
+        (0..count).map(move |k| {
             let turn = Quat::from_rotation_z(2.4 * k as f32) * Quat::from_rotation_y(0.2 + 0.01 * (k % 90) as f32);
             let height = 100.0 * (k as f32 + 0.5) / 400.0f32.max(count as f32);
             Mat4::from_rotation_translation(turn, turn * Vec3::X * 12.0 + height * Vec3::Z)
