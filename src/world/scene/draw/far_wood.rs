@@ -7,8 +7,8 @@ use mesophyll_files::mesh::LeafMesh;
 
 /// Distances of the levels, the finest first: at each, a pixel is twice as wide as it says.
 const LEVELS: [f64; 8] = [32.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0];
-/// The width of drawn branches over a level's distance: an eighth of a pixel at least.
-const WIDTH: f64 = 0.25;
+/// The width of drawn branches over a level's distance: three eighths of a pixel at least.
+const WIDTH: f64 = 0.75;
 /// Corners of a ring.
 const SIDES: usize = 3;
 /// The deflection of a branch in a wind, over its length, for which there are rings enough.

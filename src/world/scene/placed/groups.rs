@@ -4,6 +4,7 @@
 use super::spots::{Neighbours, Spot};
 use crate::manifest::{SceneManifest, StatedPlant};
 use glam::{DMat4, DVec2, DVec3};
+use mesophyll_transport::ReferenceCamera;
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
@@ -17,6 +18,10 @@ const MANY: usize = 64;
 pub const SHARED: usize = 24;
 /// Number of the plants nearest to the cameras, which have poses of their own.
 pub const OWN: usize = 8;
+/// A place is beside a picture whose direction from the camera is farther from the line of sight than the picture's
+/// corner, where it is wider than high by the inverse of this. It counts as so much farther away (mm).
+const VIEW: f64 = 0.6;
+const BESIDE: f64 = 1e9;
 /// Time (s) by which a group is later than the one before it.
 const LATER: f64 = 1.0;
 
@@ -46,23 +51,27 @@ impl PlantGroups {
     /// Puts places into groups. In a wind each place gets the turn of its group.
     pub fn new(manifest: &SceneManifest, said: &StatedPlant, spots: &mut [Spot]) -> PlantGroups {
         let position = DVec3::from(said.position_mm);
-        let eyes: Vec<DVec3> = manifest.perspectives().map(|v| v.camera.eye).collect();
+        let cameras: Vec<ReferenceCamera> = manifest.perspectives().map(|v| v.camera).collect();
         let away = |spot: &Spot| {
-            let place = position + spot.offset;
-            eyes.iter().map(|eye| eye.distance_squared(place)).fold(f64::INFINITY, f64::min)
+            let of = |camera: &ReferenceCamera| {
+                let to = position + spot.offset - camera.eye;
+                let beside = to.normalize_or_zero().dot(camera.axes()[0]) < VIEW / camera.half_height().hypot(VIEW);
+                to.length() + if beside { BESIDE } else { 0.0 }
+            };
+            cameras.iter().map(of).fold(f64::INFINITY, f64::min)
         };
         let mut near: Vec<usize> = (0..spots.len()).collect();
-        if !eyes.is_empty() {
+        if !cameras.is_empty() {
             let far: Vec<f64> = spots.iter().map(away).collect();
             near.sort_by(|a, b| far[*a].total_cmp(&far[*b]));
         }
-        near.truncate(2 * OWN);
+        near.truncate(OWN);
         let Some(wind) = manifest.wind.as_ref().filter(|w| w.speed_m_s > 0.0) else {
             let (of_place, leaders) = (vec![0; spots.len()], vec![spots[0].transform(said)]);
             return PlantGroups { of_place, leaders, delays: vec![0.0], off: 0.0, near };
         };
         let blown = |spot: &Spot| (position + spot.offset).dot(wind.direction()) / 1e3 / wind.speed_m_s;
-        let own: Vec<usize> = if eyes.is_empty() { Vec::new() } else { near.iter().copied().take(OWN).collect() };
+        let own: Vec<usize> = if cameras.is_empty() { Vec::new() } else { near.clone() };
         let groups = SHARED + own.len();
         let mut of_place = vec![u32::MAX; spots.len()];
         let (mut leaders, mut delays) = (vec![None; groups], vec![0.0; groups]);

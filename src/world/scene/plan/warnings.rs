@@ -83,6 +83,10 @@ fn other_blades(manifest: &SceneManifest, placed: &PlacedScene) -> Vec<String> {
 /// A warning for a placed leaf that no view shows, or that is smaller than a pixel in all views.
 fn unseen(manifest: &SceneManifest, placed: &PlacedScene, leaf: &PlacedLeaf) -> Option<String> {
     let (centre, radius) = leaf.mesh.as_ref()?.bounds();
+    // Of plants that are stored once, only the leaves near to the cameras are known here.
+    if placed.placements.iter().any(|p| p.leaf == leaf.index && p.frame > 0) {
+        return None;
+    }
     let (mut largest, mut sizes, mut first) = (0.0f64, Vec::new(), None);
     for p in placed.placements.iter().filter(|p| p.leaf == leaf.index) {
         for view in manifest.perspectives() {
