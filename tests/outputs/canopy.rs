@@ -83,7 +83,7 @@ fn a_closed_canopy_meets_its_closed_form() {
     }
 }
 
-/// The plates again, at many wavelengths at once: leaf and ground have spectra, black and white bands beside each other,
+/// The plates again, at many wavelengths at once. Leaf and ground have spectra, black and white bands beside each other,
 /// and what no row has lies on straight lines.
 #[test]
 fn bands_of_a_closed_canopy_meet_their_closed_forms() {
@@ -112,21 +112,16 @@ fn bands_of_a_closed_canopy_meet_their_closed_forms() {
     };
     let output = run(args(&scene, "850,450,700,950"));
     succeeded(&output);
-    let names =
-        ["brf_850", "brf_850_err", "brf_450", "brf_450_err", "brf_700", "brf_700_err", "brf_950", "brf_950_err"];
-    let rows = columns(&output.stdout, names);
-    assert_eq!(rows.len(), 2);
-    for row in rows {
+    let found = columns(&output.stdout, ["brf_850", "brf_450", "brf_700", "brf_950"]);
+    let errors = columns(&output.stdout, ["brf_850_err", "brf_450_err", "brf_700_err", "brf_950_err"]);
+    assert_eq!(found.len(), 2);
+    for (found, errors) in found.iter().zip(&errors) {
         for (k, [rho, tau, ground]) in
             [[0.6, 0.4, 1.0], [0.0, 0.0, 0.125], [0.35, 0.225, 0.25], [0.3, 0.2, 0.0]].into_iter().enumerate()
         {
             let want = rho + tau * ground * tau / (1.0 - rho * ground);
-            let (brf, error) = (row[2 * k], row[2 * k + 1]);
-            assert!(
-                error < 0.01 && (brf - want).abs() < 4.0 * error + 1e-6,
-                "{}: {brf} ± {error}, {want}",
-                names[2 * k]
-            );
+            let (brf, error) = (found[k], errors[k]);
+            assert!(error < 0.01 && (brf - want).abs() < 4.0 * error + 1e-6, "{k}: {brf} ± {error}, {want}");
         }
     }
     // All wavelengths that both spectra cover.
