@@ -35,7 +35,7 @@ fn scene(folder: &Path, fit: &Path, more: &str) -> PathBuf {
     let views = [("above", 130), ("below", -130)].map(|(name, height)| {
         format!(
             "[[view]]\nname = \"{name}\"\nkind = \"perspective\"\neye_mm = [0, -35, {height}]\ntarget_mm = [0, 0, \
-             0]\nfov_deg = 26\nflip_p99 = 0.3\nmax_error = 0.3\n"
+             0]\nfov_deg = 26\nflip_p99 = 0.2\nmax_error = 0.15\n"
         )
     });
     let text = format!(
@@ -147,10 +147,7 @@ fn it_is_said_that_the_side_was_not_measured() {
         }
         let found = crate::json(&checked);
         assert_eq!(found["stated"][0], format!("elm: {said}"), "{found}");
-        // The thresholds above are wide; the renderers differ by far less on either side.
-        for view in found["views"].as_array().unwrap() {
-            assert!(view["max_error"].as_f64().unwrap() < 0.05, "{view}");
-        }
+        assert_eq!(found["passed"], true, "{found}");
     }
 }
 
