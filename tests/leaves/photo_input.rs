@@ -11,7 +11,8 @@ use std::path::Path;
 /// Changes that leave a good capture good: what comes out is still right.
 #[test]
 fn what_people_do_is_not_refused() {
-    let overlap = |folder: &Path| reduce(folder, &PhotoManifest::read(folder).unwrap()).unwrap().sides.back.figures["outline_overlap"];
+    let back = |folder: &Path| reduce(folder, &PhotoManifest::read(folder).unwrap()).unwrap().sides.back;
+    let overlap = |folder: &Path| back(folder).figures["outline_overlap"];
     let good = overlap(&made().1);
     // A white ruler that is larger than the leaf lies in the back's picture as well, wholly inside or up to its border.
     for right in [196, 200] {
