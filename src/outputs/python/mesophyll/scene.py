@@ -7,7 +7,8 @@ angles are in degrees, times in s, lengths in mm.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -227,7 +228,8 @@ def canopy(
     view_zenith_deg: ArrayLike,
     view_azimuth_deg: ArrayLike | None = None,
     *,
-    channel: Channel = "G",
+    channel: Channel | None = None,
+    bands: Sequence[float] | Literal["all"] | Place | None = None,
     samples: int = 131_072,
     seed: int = 1,
     run: Place | None = None,
@@ -244,8 +246,11 @@ def canopy(
     view_azimuth_deg : array_like, optional
         Its azimuth from +x towards +y, degrees. Where it is left out or NaN the view lies in the sun's plane, and
         negative zenith angles are on the sun's side.
-    channel : {"R", "G", "B"}
-        Which of the scene's channels.
+    channel : {"R", "G", "B"}, optional
+        Which of the scene's channels; green where it is left out.
+    bands : sequence of float, "all" or path, optional
+        Instead of a channel: wavelengths, nm, of leaves and a ground that have spectra; all that they have in common;
+        or a table with the column ``wavelength_nm``.
     samples : int
         Paths a direction, 32 to 2^30.
     seed : int
@@ -258,13 +263,25 @@ def canopy(
     Returns
     -------
     Result
-        ``brf``, the bidirectional reflectance factor, ``brf_err`` and ``status``, an element a direction.
+        ``brf``, the bidirectional reflectance factor, ``brf_err`` and ``status``, an element a direction. With
+        ``bands`` also ``wavelength_nm`` (nm), and ``brf`` has its axis last.
     """
     rows = {"view_zenith_deg": view_zenith_deg}
     if view_azimuth_deg is not None:
         rows["view_azimuth_deg"] = view_azimuth_deg
-    options: dict[str, Option] = {"channel": channel, "samples": samples, "seed": seed, "run": run}
-    return _command.table(["eval", "canopy", scene], rows, options, flag="directions", progress=progress)
+    options: dict[str, Option] = {"channel": channel, "bands": bands, "samples": samples, "seed": seed, "run": run}
+    found = _command.table(["eval", "canopy", scene], rows, options, flag="directions", progress=progress)
+    return found if bands is None else _over_wavelengths(found)
+
+
+def _over_wavelengths(found: Result) -> Result:
+    """The columns ``brf_450``, ``brf_450_err``, ... as arrays whose last axis is the wavelength."""
+    names = [name for name in found if re.fullmatch(r"brf_[0-9.]+", name)]
+    angles = {name: found[name] for name in ("view_zenith_deg", "view_azimuth_deg") if name in found}
+    factors = {"wavelength_nm": np.array([float(name.removeprefix("brf_")) for name in names])}
+    for error in ("", "_err"):
+        factors[f"brf{error}"] = np.stack([np.asarray(found[name + error]) for name in names], axis=-1)
+    return Result(angles | factors | {"status": found["status"]}, given=[*angles, "wavelength_nm"], notes=found.notes)
 
 
 def fluxes(
