@@ -14,8 +14,8 @@ use std::path::PathBuf;
 ///
 /// The scene states geometry, cameras and values to start from. [[picture]] tables say what was measured, [unknown]
 /// which numbers are unknown. Light is followed through all scatterings between leaves. DIR gets fit.toml (each number
-/// with its standard error, or why the pictures do not determine it), residual-VIEW.exr, trace.csv, and scene.toml: the
-/// scene with what was found.
+/// with its standard error, or why the pictures do not determine it), residual-VIEW.exr and .png, trace.csv, and
+/// scene.toml: the scene with what was found.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example of the tables:
   [[picture]]
@@ -31,10 +31,14 @@ use std::path::PathBuf;
   file = \"brf.csv\"          view_zenith_deg, view_azimuth_deg, brf_r, brf_g, brf_b, and brf_r_err, …
 
   [unknown]
-  leaves = { a = [\"rho_d\", \"rho_t\", \"rho_s\", \"m\"] }
+  leaves = { a = [\"rho_d\", \"rho_t\", \"rho_s\", \"m\"], b = [\"sigma_a\", \"thickness_mm\"] }
   ground = [\"albedo\"]
   sky = [\"scale\", \"turbidity\"]
   sun = [\"irradiance\"]
+
+Leaves with reflectances have rho_d, rho_t, rho_s, m (factors on maps, where they have maps); slabs and fitted leaves
+sigma_a, sigma_s, thickness_mm, rho_s, m; leaves of layers chlorophyll, carotenoid, protein, cellulose_lignin, water, or
+absorption.
 
 Exit code 1 when the pictures are not explained: by geometry, a camera or a light that is not as stated.")]
 pub struct Args {

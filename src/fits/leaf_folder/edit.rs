@@ -11,14 +11,19 @@ use mesophyll_optics::slab;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// The changes of one side: factors on σa and σs (a colour channel each), on ρs and on m, and an addition to the
-/// thickness (mm).
+/// The changes of one side: factors on σa, σs, ρd and ρt (a colour channel each), on ρs and on m, and an addition to
+/// the thickness (mm). ρd of a fitted leaf is that of its slab times γ, so that the factor on ρd is one on γ; its ρt
+/// is its slab's, and only that of a stated look has a factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafSideEdit {
     /// Factor on σa, a colour channel.
     pub sigma_a: [f64; 3],
     /// Factor on σs, a colour channel.
     pub sigma_s: [f64; 3],
+    /// Factor on ρd, a colour channel.
+    pub rho_d: [f64; 3],
+    /// Factor on ρt, a colour channel.
+    pub rho_t: [f64; 3],
     /// Added to the thickness of every texel and to the mean (mm).
     pub thickness_mm: f64,
     /// Factor on ρs.
@@ -27,10 +32,14 @@ pub struct LeafSideEdit {
     pub m: f64,
 }
 
+/// What changed a value that was set by hand.
+const BY_HAND: &str = "set by hand";
+
 impl Default for LeafSideEdit {
     /// Changes nothing.
     fn default() -> Self {
-        LeafSideEdit { sigma_a: [1.0; 3], sigma_s: [1.0; 3], thickness_mm: 0.0, rho_s: 1.0, m: 1.0 }
+        let one = [1.0; 3];
+        LeafSideEdit { sigma_a: one, sigma_s: one, rho_d: one, rho_t: one, thickness_mm: 0.0, rho_s: 1.0, m: 1.0 }
     }
 }
 
@@ -49,14 +58,14 @@ impl LeafSideEdit {
                 *v = factor.map_or(*v + self.thickness_mm, |f| *v * f[c.min(2)]);
             }
             param.stderr.iter_mut().for_each(|e| *e = f64::INFINITY);
-            param.undetermined = vec![format!("{name}: set by hand")];
+            param.undetermined = vec![format!("{name}: {BY_HAND}")];
         }
         (section.residuals, section.truth, section.figures) = Default::default();
         (section.held_out, section.light_box) = Default::default();
     }
 
-    /// Changes the side's maps of σa, σs, thickness, ρs and m, on a leaf whose mean thickness is then `thickness_mm`.
-    /// Where an edit takes away more than a thin texel has, a thousandth of the mean is left.
+    /// Changes the side's maps of σa, σs, thickness, ρd, ρt, ρs and m, on a leaf whose mean thickness is then
+    /// `thickness_mm`. Where an edit takes away more than a thin texel has, a thousandth of the mean is left.
     pub fn maps(&self, maps: &mut ChannelMaps, thickness_mm: f64) {
         let mut change = |quantity: Quantity, c: usize, factor: f64, more: f64| {
             if let Some(plane) = maps.plane_mut(quantity, c) {
@@ -66,6 +75,9 @@ impl LeafSideEdit {
         for c in 0..3 {
             change(Quantity::SigmaA, c, self.sigma_a[c], 0.0);
             change(Quantity::SigmaS, c, self.sigma_s[c], 0.0);
+            change(Quantity::RhoD, c, self.rho_d[c], 0.0);
+            change(Quantity::Gamma, c, self.rho_d[c], 0.0);
+            change(Quantity::RhoT, c, self.rho_t[c], 0.0);
             change(Quantity::RhoS, c, self.rho_s, 0.0);
         }
         change(Quantity::M, 0, self.m, 0.0);
@@ -110,8 +122,20 @@ pub(crate) fn solve(path: &Path, maps: &mut ChannelMaps, sigma_a: [f64; 3], sigm
 pub fn save(leaf: &LeafFit, folder: &Path) -> Result<PathBuf> {
     let free = (1..).map(|n| folder.join(format!("{}-edit-{n}", leaf.name))).find(|p| !p.exists());
     let target = free.unwrap_or_else(|| folder.join(&leaf.name));
-    atomic::probe_folder(&target)?;
+    save_to(leaf, &target, BY_HAND)?;
+    Ok(target)
+}
+
+/// As [`save`], into the folder `target`. `how` says what changed the leaf.
+///
+/// # Errors
+/// As [`save`].
+pub fn save_to(leaf: &LeafFit, target: &Path, how: &str) -> Result<()> {
+    atomic::probe_folder(target)?;
     let mut record = leaf.record.clone();
+    for param in record.sections.values_mut().flat_map(|section| section.params.values_mut()) {
+        param.undetermined.iter_mut().for_each(|why| *why = why.replace(BY_HAND, how));
+    }
     record.scan = None;
     // Files that no edit changes are copied. Other files that the folder lists are not part of an edited leaf.
     let copied = leaf.sides().map(|s| LeafFitFile::Errors.name(s)).chain([BLADE.to_string()]);
@@ -128,12 +152,11 @@ pub fn save(leaf: &LeafFit, folder: &Path) -> Result<PathBuf> {
         record.options.entry(name.into()).and_modify(|said| said.push_str("; changed by hand since"));
     }
     for side in leaf.sides() {
-        image::write_exr(&LeafFitFile::Maps.path(&target, side), &leaf.solved(side)?, Packing::Zip)?;
+        image::write_exr(&LeafFitFile::Maps.path(target, side), &leaf.solved(side)?, Packing::Zip)?;
     }
     let all = leaf.sides().map(|s| LeafFitFile::Maps.name(s)).chain(copied);
     record.files = all.map(|name| hash::file(&target.join(&name)).map(|hash| (name, hash))).collect::<Result<_>>()?;
-    record.write(&target)?;
-    Ok(target)
+    record.write(target)
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ pub mod frames;
 pub mod other_side;
 pub mod packing;
 pub mod previews;
+pub mod reflecting;
 
 pub use folder::{BLADE, LeafFit, LeafFitFile};
 

@@ -39,6 +39,9 @@ pub struct FoliarMaterial {
     table: Vec<FoliarRow>,
     /// For each degree of incidence, the share of first draws around the mirror direction that stay on their side.
     acceptance: Vec<f64>,
+    /// How `diffuse` and `through` of each row change with the absorption of one crossing of their channel; empty where
+    /// nobody asked.
+    by_depth: Vec<[[f64; 3]; 2]>,
 }
 
 /// The scattering at a point that a path meets, as shares for each channel.
@@ -108,7 +111,38 @@ impl FoliarMaterial {
         }
         let table = fsm::rows(&leaves)?;
         let acceptance = (0..=90).map(|k| lobe::acceptance(f64::from(k).to_radians(), oblateness)).collect();
-        Some(FoliarMaterial { model, leaves, table, acceptance })
+        Some(FoliarMaterial { model, leaves, table, acceptance, by_depth: Vec::new() })
+    }
+
+    /// The same leaf with other absorptions of one crossing, with what [`FoliarMaterial::by_depth`] needs. Light that
+    /// turns back before the mesophyll does not depend on these. `None` where the exact method does not converge.
+    pub fn with_depths(&self, depths: [f64; 3]) -> Option<FoliarMaterial> {
+        let mut out = self.clone();
+        let mut slopes = Vec::with_capacity(3);
+        for (c, depth) in depths.into_iter().enumerate() {
+            out.leaves[c].depth = depth;
+            let table = fsm::table(&out.leaves[c])?;
+            for (row, share) in out.table.iter_mut().zip(table) {
+                (row.diffuse[c], row.through[c]) = ((share.diffuse - row.turned).max(0.0), share.through);
+            }
+            slopes.push(fsm::by_depth(&out.leaves[c]));
+        }
+        out.by_depth = (0..ROWS).map(|k| [0, 1].map(|q| [0, 1, 2].map(|c: usize| slopes[c][k][q]))).collect();
+        Some(out)
+    }
+
+    /// The absorptions of one crossing.
+    pub fn depths(&self) -> [f64; 3] {
+        self.leaves.each_ref().map(|leaf| leaf.depth)
+    }
+
+    /// The derivatives of `diffuse` and `through` of [`FoliarMaterial::meet`] by the absorption of one crossing, each
+    /// of its channel; 0 where [`FoliarMaterial::with_depths`] did not make the leaf.
+    pub fn by_depth(&self, view: DVec3, normal: DVec3, back: bool) -> [[f64; 3]; 2] {
+        let (_, at) = incidence(view, normal, back);
+        let (k, t) = place(at, ROWS);
+        let (Some(a), Some(b)) = (self.by_depth.get(k), self.by_depth.get(k + 1)) else { return [[0.0; 3]; 2] };
+        [0, 1].map(|q| [0, 1, 2].map(|c: usize| a[q][c] + t * (b[q][c] - a[q][c])))
     }
 
     /// FSM as in the paper, where light that turned back before the mesophyll is diffuse too.
@@ -208,8 +242,7 @@ impl FoliarMaterial {
 
     /// The scattering for a path that comes from the unit direction `view` onto the side with the normal `normal`.
     pub fn meet(&self, view: DVec3, normal: DVec3, back: bool) -> FoliarScattering {
-        let incidence = normal.cross(view).length().atan2(normal.dot(view)).clamp(0.0, FRAC_PI_2);
-        let at = (if back { PI - incidence } else { incidence }).to_degrees();
+        let (incidence, at) = incidence(view, normal, back);
         let (k, t) = place(at, ROWS);
         let [a, b] = [&self.table[k], &self.table[k + 1]];
         let mix = |x: f64, y: f64| x + t * (y - x);
@@ -250,16 +283,23 @@ impl FoliarMaterial {
         (0..RINGS * SECTORS).map(patch).collect()
     }
 
-    /// Follows a ray from `view` through the layered leaf. Returns its direction and what each channel keeps of it.
-    /// Refractive indices are those for green. `up` is the front's normal.
-    pub fn follow(&self, view: DVec3, up: DVec3, random: &mut impl FnMut() -> f64) -> Option<(DVec3, [f64; 3])> {
+    /// Follows a ray from `view` through the layered leaf. Returns its direction, what each channel keeps of it, and
+    /// how many crossings of the mesophyll it made. Refractive indices are those for green. `up` is the front's
+    /// normal.
+    pub fn follow(&self, view: DVec3, up: DVec3, random: &mut impl FnMut() -> f64) -> Option<(DVec3, [f64; 3], f64)> {
         let (x, y) = up.any_orthonormal_pair();
         let from = [-view.dot(x), -view.dot(y), -view.dot(up)];
         let exit = ray::follow(&self.leaves[1], from, random)?;
         let [a, b, c] = exit.direction;
         let kept = self.leaves.each_ref().map(|leaf| (-leaf.depth * exit.crossings).exp());
-        Some(((x * a + y * b + up * c).normalize(), kept))
+        Some(((x * a + y * b + up * c).normalize(), kept, exit.crossings))
     }
+}
+
+/// The angle of incidence (radians) of a path from `view`, and the place of its row (degrees).
+fn incidence(view: DVec3, normal: DVec3, back: bool) -> (f64, f64) {
+    let incidence = normal.cross(view).length().atan2(normal.dot(view)).clamp(0.0, FRAC_PI_2);
+    (incidence, (if back { PI - incidence } else { incidence }).to_degrees())
 }
 
 /// The interval between two of `rows` whole degrees that contains `at`, and the share of it before `at`.

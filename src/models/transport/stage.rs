@@ -297,6 +297,16 @@ impl<'a> Surface<'a> {
         transmittance(self.viewed(), &self.taps(false))
     }
 
+    /// Derivatives of ρd, ρt and ρs, and of m, where front and back of the leaf have these derivatives, which are looks
+    /// themselves.
+    pub fn by_look(&self, sides: &[ReferenceSide; 2]) -> ([[f64; 3]; 3], f64) {
+        let (viewed, far) = (&sides[usize::from(self.back)], &sides[usize::from(!self.back)]);
+        let taps = self.taps(false);
+        let gloss = viewed.gloss.as_ref().map(|gloss| (taps.colour(&gloss.rho_s), taps.scalar(&gloss.m)));
+        let (rho_s, m) = gloss.unwrap_or_default();
+        ([reflectance(viewed, &taps), transmittance(far, &self.taps(true)), rho_s], m)
+    }
+
     /// ρs and m of the viewed side; `None` if it is not glossy.
     pub fn gloss(&self) -> Option<([f64; 3], f64)> {
         let gloss = self.viewed().gloss.as_ref()?;

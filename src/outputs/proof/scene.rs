@@ -3,7 +3,7 @@
 
 use crate::stress::StressRow;
 use crate::{Error, Result};
-use mesophyll_fit_scene::synthetic::{BOTH, START, TRUTH, opened, photograph, scene};
+use mesophyll_fit_scene::synthetic::{BOTH, START, TRUTH, glossy, moved, opened, photograph, scene, turned};
 use mesophyll_fit_scene::{Options, run};
 use mesophyll_fits::record::maker::FitOutcome;
 use mesophyll_scene::placed::ledger::Ledger;
@@ -27,6 +27,8 @@ struct Case {
     size: Option<[usize; 2]>,
     spoil: fn(usize, f64) -> f64,
     state: fn(String) -> String,
+    /// What the pictures are taken of, where that is not what the fit's scene states.
+    taken_of: fn(String) -> String,
 }
 
 const PLAIN: Case = Case {
@@ -38,6 +40,7 @@ const PLAIN: Case = Case {
     size: None,
     spoil: |_, v| v,
     state: |text| text,
+    taken_of: |text| text,
 };
 const SUN: [f64; 3] = TRUTH[4];
 
@@ -49,7 +52,7 @@ fn verdict(case: &Case) -> Result<(String, Option<f64>)> {
         }
         None => text,
     };
-    photograph(folder.path(), &sized(scene(case.truth, "")), 1.0, case.spoil)?;
+    photograph(folder.path(), &(case.taken_of)(sized(scene(case.truth, ""))), 1.0, case.spoil)?;
     let text = (case.state)(sized(scene(case.start, &format!("{BOTH}{}", case.unknown))));
     let options = Options { samples: 512, seed: 3, force: true };
     let ended = opened(folder.path(), &text)
@@ -121,6 +124,9 @@ pub fn stress() -> Result<Vec<StressRow>> {
             state: |text| text.replace("[-150, -180, 150]", "[-160, -171, 150]"),
             ..PLAIN
         },
+        Case { name: "a camera that was turned by 1 degree", expected: "misfit: ", state: turned, ..PLAIN },
+        Case { name: "leaves that stood 5 mm elsewhere", expected: "misfit: ", state: moved, ..PLAIN },
+        Case { name: "a gloss that the scene leaves out", expected: "misfit: ", taken_of: glossy, ..PLAIN },
         Case {
             name: "an exposure beside all of the light",
             expected: "undetermined: exposure.cam",

@@ -98,6 +98,7 @@ fn fit(f: &FitReport) -> Value {
         phases => Serde(f.times.as_ref().map(lines::phase_lines).unwrap_or_default()),
         truth_chart,
         cost_chart,
+        steps_chart => crate::pictures::chart(&f.name, &f.steps),
         made => Serde(if f.kind == FitKind::Translucency { translucency::how(&f.options) } else { Vec::new() }),
         has_truth => f.maps.iter().any(|m| m.truth.is_some()) || f.sections.iter().any(|s| !s.truth.is_empty()),
     }

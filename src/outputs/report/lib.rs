@@ -20,6 +20,7 @@ mod notes;
 pub mod number;
 mod overall;
 mod packing;
+mod pictures;
 mod quantity;
 mod reader;
 mod residuals;

@@ -97,6 +97,10 @@ pub struct FitReport {
     /// Measurements that the fit did not see.
     pub held_out: HeldOutReport,
     pub times: Option<TimesReport>,
+    /// Of a scene that was found in pictures, its steps: processor time (s), and the root mean square of all numbers'
+    /// distance from the result and of their standard errors.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub steps: Vec<[f64; 3]>,
     /// What the folder lacks, in words.
     pub missing: Vec<String>,
     #[serde(skip)]

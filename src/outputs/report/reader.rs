@@ -4,7 +4,7 @@
 use crate::maps::{self, ReportSideMaps};
 use crate::model::{FitReport, ParameterRow, QualityLevel, Report, ReportVerdict, SectionReport, TimesReport};
 use crate::{Error, Result};
-use crate::{Options, ReportSource, comparison, held_out, notes, overall, scene, translucency, verdict};
+use crate::{Options, ReportSource, comparison, held_out, notes, overall, pictures, scene, translucency, verdict};
 use mesophyll_fits::leaf_folder::LeafFitFile;
 use mesophyll_fits::record::next::NextMeasurement;
 use mesophyll_fits::record::{FitKind, FitRecord, FitTimes, RecordSection};
@@ -159,9 +159,13 @@ fn fit(folder: &Path, options: &Options, with_maps: bool) -> Result<FitReport> {
         maps: Vec::new(),
         held_out: held_out::read(folder, &record, options.pictures),
         times,
+        steps: pictures::steps(folder, &record),
         missing,
         pictures: Vec::new(),
     };
+    if let Some(detail) = options.pictures {
+        report.pictures = pictures::residuals(folder, &record, detail, &mut report.missing);
+    }
     for (name, of) in ordered(&record).filter(|_| with_maps) {
         let Some(mut side) = side(folder, name, &record, capture.as_deref().map(Path::new), &mut report.missing) else {
             continue;

@@ -74,7 +74,7 @@ fn range(side: &ReportSideMaps, planes: &[&[f32]]) -> (f64, f64) {
     widen(low - 0.5 * lacking, high + 0.5 * lacking)
 }
 
-fn tile(
+pub(crate) fn tile(
     side: &ReportSideMaps,
     plane: &[f32],
     range: (f64, f64),
@@ -88,7 +88,12 @@ fn tile(
 }
 
 /// Three planes as a colour picture, brightened by `gain`.
-fn photograph(side: &ReportSideMaps, rgb: [&[f32]; 3], gain: f64, mut caption: String) -> Option<CaptionedPicture> {
+pub(crate) fn photograph(
+    side: &ReportSideMaps,
+    rgb: [&[f32]; 3],
+    gain: f64,
+    mut caption: String,
+) -> Option<CaptionedPicture> {
     if (gain - 1.0).abs() > 0.005 {
         caption.push_str(&format!(", brightened {} times", significant(gain, 2)));
     }
@@ -98,7 +103,7 @@ fn photograph(side: &ReportSideMaps, rgb: [&[f32]; 3], gain: f64, mut caption: S
 }
 
 /// The factor that brings the 99th percentile of the brightest plane to 0.8.
-fn gain(side: &ReportSideMaps, planes: &[&[f32]]) -> f64 {
+pub(crate) fn gain(side: &ReportSideMaps, planes: &[&[f32]]) -> f64 {
     let (_, high) = range(side, planes);
     if high > 0.0 { 0.8 / high } else { 1.0 }
 }

@@ -1,19 +1,15 @@
 //! The errors of the numbers, and which of them the pictures do not determine.
 
-use crate::unknowns::{SceneUnknowns, UnknownQuantity};
+use crate::unknowns::SceneUnknowns;
 use mesophyll_base::solvers::decomposition::symmetric_eigen;
 use nalgebra::DMatrix;
 
 /// Standard errors beyond which a reflectance, or the logarithm of a factor, counts as not determined.
 pub const UNKNOWN: f64 = 0.25;
 
-/// The unit in which a number is uncertain at the start: 1 for a reflectance, its own size for a factor.
+/// The unit in which each number is uncertain at the start.
 pub fn unit(numbers: &SceneUnknowns) -> Vec<f64> {
-    let one = |q: &UnknownQuantity| {
-        let factor = q.is_factor();
-        q.at.iter().map(move |v| if factor { v.abs().max(1e-9) } else { 1.0 }).collect::<Vec<f64>>()
-    };
-    numbers.list.iter().flat_map(one).collect()
+    numbers.list.iter().flat_map(|q| q.at.iter().map(|at| q.unit(*at))).collect()
 }
 
 /// The covariance of the numbers, and why some are not determined.

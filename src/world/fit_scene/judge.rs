@@ -1,18 +1,13 @@
-//! What the record says of a fit: numbers with errors, how well they explain the pictures, and pictures of what is
-//! left.
+//! What the record says of a fit: numbers with errors, and how well they explain the pictures.
 
-use crate::Result;
 use crate::covariance::{UNKNOWN, names, unit};
-use crate::photographs::{PixelUse, ReadingKind, ScenePhotograph};
+use crate::photographs::{PixelUse, ScenePhotograph};
 use crate::steps::{ReadingComparison, SceneFit, WILD};
 use crate::unknowns::SceneUnknowns;
 use mesophyll_base::solvers::adequacy::chi2_score;
-use mesophyll_files::atomic;
-use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll_fits::record::fault::{FaultGrade, MeasurementFault};
 use mesophyll_fits::record::{FitParameter, FitRecord, RecordSection, ResidualStatistics};
 use std::collections::BTreeMap;
-use std::path::Path;
 
 /// Pixels along the side of a block. A wrong model leaves residuals that neighbours share; noise does not.
 const BLOCK: usize = 8;
@@ -154,49 +149,4 @@ pub fn section(
     section.counts.insert("wild_pixels".into(), found.wild);
     section.counts.insert("saturated_pixels".into(), shots.iter().map(|s| s.saturated).sum());
     section
-}
-
-/// Writes, for each table of reflectance factors, what the scene shows and what is left of the readings in standard
-/// errors. Returns the files' names.
-pub fn residual_tables(shots: &[ScenePhotograph], found: &SceneFit, out: &Path) -> Result<Vec<String>> {
-    let mut files = Vec::new();
-    for (s, shot) in shots.iter().enumerate() {
-        let ReadingKind::Directions(toward) = &shot.by else { continue };
-        let mut rows = vec![[f64::NAN; 6]; toward.len()];
-        for c in found.compared.iter().filter(|c| c.at[0] == s) {
-            (rows[c.at[1]][c.at[2]], rows[c.at[1]][3 + c.at[2]]) = (c.shown, c.residual);
-        }
-        let mut text =
-            String::from("view_zenith_deg,view_azimuth_deg,brf_r,brf_g,brf_b,residual_r,residual_g,residual_b\n");
-        for (angles, row) in toward.iter().zip(rows) {
-            let cells = angles.iter().map(|a| format!("{:.4}", a.to_degrees())).chain(row.map(|v| format!("{v:.6}")));
-            text += &format!("{}\n", cells.collect::<Vec<_>>().join(","));
-        }
-        let file = format!("residual-{}.csv", shot.name);
-        atomic::write_bytes(&out.join(&file), text.as_bytes())?;
-        files.push(file);
-    }
-    Ok(files)
-}
-
-/// Writes, for each picture, what the scene shows (R, G, B) and what is left of the reading in standard errors
-/// (`residual.R`, …; not a number where a pixel does not count). Returns the files' names.
-pub fn residual_pictures(shots: &[ScenePhotograph], found: &SceneFit, out: &Path) -> Result<Vec<String>> {
-    let mut files = Vec::new();
-    for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| matches!(shot.by, ReadingKind::Camera(_))) {
-        let pixels = shot.seen.len();
-        let mut planes = vec![vec![f32::NAN; pixels]; 6];
-        for c in found.compared.iter().filter(|c| c.at[0] == s) {
-            let [_, k, channel] = c.at;
-            planes[channel][k] = c.shown as f32;
-            planes[3 + channel][k] = c.residual as f32;
-        }
-        let mut maps = ChannelMaps::new(shot.size[0], shot.size[1]);
-        let names = ["R", "G", "B", "residual.R", "residual.G", "residual.B"];
-        names.into_iter().zip(planes).for_each(|(name, plane)| maps.push(name, plane));
-        let file = format!("residual-{}.exr", shot.name);
-        write_exr(&out.join(&file), &maps, Packing::Zip)?;
-        files.push(file);
-    }
-    Ok(files)
 }

@@ -12,13 +12,21 @@
 
 mod covariance;
 mod judge;
+mod mapped;
 mod photographs;
 mod pictures;
+mod processor;
+mod quantity;
+mod residuals;
 mod scene_file;
+mod step;
 mod steps;
 pub mod synthetic;
 #[cfg(test)]
 mod tests;
+mod tissue;
+#[cfg(test)]
+mod tissue_tests;
 mod unknowns;
 
 pub(crate) use mesophyll_base::error::{Error, Result};
@@ -73,7 +81,7 @@ pub fn run(scene: &LoadedScene, out: &Path, options: &Options, ledger: &Ledger) 
     let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
     groups.sort();
     groups.dedup();
-    let numbers = SceneUnknowns::new(scene, world, &groups)?;
+    let numbers = SceneUnknowns::new(scene, world, &groups, ledger)?;
     // Two pictures of all derivatives, the same as a list, and the readings.
     let pixels: usize = shots.iter().map(|shot| shot.seen.len()).sum();
     let bytes = pixels as u64 * (120 * numbers.list.len() as u64 + 400);
@@ -110,21 +118,33 @@ fn fit(
     say("pictures", shots.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", "));
     let section = judge::section(&numbers, &shots, &found, &mut record);
     record.sections.insert("all".into(), section);
-    maker.times.traces.insert("steps".into(), found.trace.clone());
+    let scale = "blue -4 to red +4 standard errors of a reading less the scene; grey: does not count";
+    record.options.insert("residual_pictures".into(), format!("red, green and blue side by side, {scale}"));
+    maker.times.traces.insert("steps".into(), found.steps.iter().map(|step| step.row.clone()).collect());
     let out = maker.begin()?.to_path_buf();
-    let mut files = judge::residual_pictures(&shots, &found, &out)?;
-    files.extend(judge::residual_tables(&shots, &found, &out)?);
+    let mut files = residuals::pictures(&shots, &found, &out)?;
+    files.extend(residuals::tables(&shots, &found, &out)?);
+    files.extend(found_leaves(&numbers, &out)?);
     atomic::write_bytes(&out.join(SCENE), scene_file::found(manifest, &numbers, &out)?.as_bytes())?;
     files.push(SCENE.into());
-    let mut text = String::from("step,seconds,half_chi2,step_in_standard_errors\n");
-    for row in &found.trace {
-        text += &format!("{},{:.3},{:.6e},{:.4}\n", row.iteration + 1, row.elapsed_s, row.cost, row.step);
-    }
+    let text = residuals::steps(&found, &numbers.values(), &covariance::unit(&numbers));
     atomic::write_bytes(&out.join(TRACE), text.as_bytes())?;
     for file in files {
         record.files.insert(file.clone(), hash::file(&out.join(file))?);
     }
     Ok(FitOutcome::Done(maker.finish(record)?))
+}
+
+/// Writes every fit whose numbers were unknown, with what was found, into a folder of its own. Returns the names of the
+/// files that identify these.
+fn found_leaves(numbers: &SceneUnknowns, out: &Path) -> Result<Vec<String>> {
+    let mut files = Vec::new();
+    for (name, k, maps) in numbers.mapped() {
+        let folder = scene_file::leaf_folder(&name);
+        maps.save(k, &numbers.list, &out.join(&folder))?;
+        files.push(format!("{folder}/{}", mesophyll_fits::record::RECORD));
+    }
+    Ok(files)
 }
 
 /// The hash of everything that decides a fit: the scene's text, and every file that it names.

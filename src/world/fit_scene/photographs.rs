@@ -1,6 +1,6 @@
 //! The pictures that were taken: their readings, with errors, and which of them count.
 
-use crate::unknowns::CHANNELS;
+use crate::quantity::CHANNELS;
 use crate::{Error, Result};
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::picture::{self, PictureRequest, RGB};

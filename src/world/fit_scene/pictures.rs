@@ -2,9 +2,10 @@
 
 use crate::Result;
 use crate::photographs::{PixelUse, ReadingKind, ScenePhotograph};
-use crate::unknowns::{SceneUnknowns, UnknownKind};
+use crate::quantity::UnknownKind;
+use crate::unknowns::SceneUnknowns;
 use mesophyll_transport::path::slopes::{DerivativePicture, DerivativeTracer, RadianceParameter};
-use mesophyll_transport::path::{Canopy, MOST_PATHS, PathSettings, PathTracer};
+use mesophyll_transport::path::{Canopy, MOST_PATHS, PathTracer};
 use mesophyll_transport::world::ReferenceWorld;
 
 /// Rounds of each of the two pictures with derivatives, from whose scatter the noise of a pixel is estimated; the
@@ -20,18 +21,16 @@ const A_DIRECTION: u32 = 256;
 
 /// Pictures and derivatives of the shots that `wanted` chooses, from rounds of `each` paths a pixel.
 pub fn draw(
-    numbers: &SceneUnknowns,
+    tracer: &PathTracer,
     shots: &[ScenePhotograph],
     wanted: impl Fn(&ScenePhotograph) -> bool,
     of: &[RadianceParameter],
     [rounds, each]: [u32; 2],
     seed: u64,
 ) -> Result<Vec<DerivativePicture>> {
-    let world = numbers.world()?;
-    let tracer = PathTracer::new(&world, PathSettings::default())?;
-    let slopes = DerivativeTracer::new(&tracer, of);
+    let slopes = DerivativeTracer::new(tracer, of);
     let one = |(k, shot): (usize, &ScenePhotograph)| match wanted(shot) {
-        true => shot_of(&world, &slopes, of, shot, [rounds, each], seed ^ (k as u64) << 40),
+        true => shot_of(tracer.world(), &slopes, of, shot, [rounds, each], seed ^ (k as u64) << 40),
         false => Ok(DerivativePicture::default()),
     };
     shots.iter().enumerate().map(one).collect()

@@ -1,8 +1,10 @@
 //! The scene with what was found, as a file that other verbs take.
 
-use crate::unknowns::{SceneUnknowns, UnknownKind};
+use crate::quantity::{SlabNumber, UnknownKind};
+use crate::unknowns::SceneUnknowns;
 use crate::{Error, Result};
 use mesophyll_files::whole_file;
+use mesophyll_optics::foliar::pigments::SUBSTANCES;
 use mesophyll_scene::manifest::SceneManifest;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -16,7 +18,18 @@ pub fn found(manifest: &SceneManifest, numbers: &SceneUnknowns, out: &Path) -> R
     let text = whole_file::text(&manifest.path)?;
     let mut table: Table = toml::from_str(&text).map_err(|e| Error::toml(&manifest.path, &text, &e))?;
     ["picture", "unknown", "brf"].iter().for_each(|key| drop(table.remove(*key)));
-    let index = |k: usize| numbers.leaf_name(k);
+    let none = Default::default();
+    let asked = manifest.unknown.as_ref().map_or(&none, |unknown| &unknown.leaves);
+    let (present, index) = (numbers, |k: usize| numbers.leaf_name(k));
+    // A leaf with a spectrum need not state what is found of it.
+    for leaf in manifest.leaves.iter().filter(|leaf| asked.contains_key(&leaf.name)) {
+        let stated = leaf.uniform().filter(|uniform| uniform.slab.is_none());
+        if let (Some(stated), Some(table)) = (stated, uniform(&mut table, &leaf.name)) {
+            let three = |v: [f64; 3]| Value::Array(v.map(Value::Float).to_vec());
+            table.entry("rho_d").or_insert_with(|| Value::Array(stated.rho_d.map(three).to_vec()));
+            table.entry("rho_t").or_insert_with(|| three(stated.rho_t));
+        }
+    }
     for q in &numbers.list {
         let numbers = Value::Array(q.at.iter().map(|v| Value::Float(*v)).collect());
         match &q.kind {
@@ -51,7 +64,23 @@ pub fn found(manifest: &SceneManifest, numbers: &SceneUnknowns, out: &Path) -> R
                     }
                 }
             }
-            UnknownKind::Exposure(_) => {}
+            UnknownKind::Slab(leaf, number) => {
+                let (key, found) = match number {
+                    SlabNumber::SigmaA => ("sigma_a", numbers),
+                    SlabNumber::SigmaS => ("sigma_s", numbers),
+                    SlabNumber::Thickness => ("thickness_mm", Value::Float(q.at[0])),
+                };
+                set(uniform(&mut table, &index(*leaf)), key, found);
+            }
+            UnknownKind::Absorption(leaf) => set(inside(&mut table, &index(*leaf), "foliar"), "absorption", numbers),
+            UnknownKind::Content(leaf, substance) => {
+                let name = SUBSTANCES[*substance];
+                let unit = if name == "water" { "g_cm2" } else { "ug_cm2" };
+                let layers = inside(&mut table, &index(*leaf), "foliar");
+                set(layers, &format!("{name}_{unit}"), Value::Float(q.at[0]));
+            }
+            // Maps are those of the fit that is written beside the scene.
+            UnknownKind::Factor(..) | UnknownKind::Exposure(_) => {}
         }
     }
     table.iter_mut().for_each(|(key, value)| {
@@ -59,6 +88,12 @@ pub fn found(manifest: &SceneManifest, numbers: &SceneUnknowns, out: &Path) -> R
             *text = std::path::absolute(path).unwrap_or(path.to_path_buf()).display().to_string();
         })
     });
+    for (name, ..) in present.mapped() {
+        if let Some(leaf) = leaf_table(&mut table, &name) {
+            ["look", "capture", "scan"].iter().for_each(|key| drop(leaf.remove(*key)));
+            leaf.insert("fit".into(), Value::String(leaf_folder(&name)));
+        }
+    }
     let text = toml::to_string(&table).map_err(|e| Error::write(out, e))?;
     Ok(format!("# {} with what `mesophyll fit scene` found in its pictures.\n{text}", manifest.name))
 }
@@ -69,11 +104,26 @@ fn set(table: Option<&mut Table>, key: &str, value: Value) {
     }
 }
 
-/// The `uniform` of the leaf with this name.
-fn uniform<'a>(table: &'a mut Table, name: &str) -> Option<&'a mut Table> {
+/// The leaf with this name.
+fn leaf_table<'a>(table: &'a mut Table, name: &str) -> Option<&'a mut Table> {
     let leaves = table.get_mut("leaf")?.as_array_mut()?;
     let own = |leaf: &&mut Table| leaf.get("name").and_then(Value::as_str) == Some(name);
-    leaves.iter_mut().filter_map(Value::as_table_mut).find(own)?.get_mut("uniform")?.as_table_mut()
+    leaves.iter_mut().filter_map(Value::as_table_mut).find(own)
+}
+
+/// A table of the leaf with this name.
+fn inside<'a>(table: &'a mut Table, name: &str, key: &str) -> Option<&'a mut Table> {
+    leaf_table(table, name)?.get_mut(key)?.as_table_mut()
+}
+
+/// The `uniform` of the leaf with this name.
+fn uniform<'a>(table: &'a mut Table, name: &str) -> Option<&'a mut Table> {
+    inside(table, name, "uniform")
+}
+
+/// The folder, beside the scene, of the fit with what was found of a leaf.
+pub fn leaf_folder(name: &str) -> String {
+    format!("leaf-{name}")
 }
 
 /// Fields whose text is a file or a folder even where it could be a name.

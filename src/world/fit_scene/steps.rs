@@ -13,13 +13,14 @@
 use crate::covariance::{covariance, unit};
 use crate::photographs::{PixelUse, ScenePhotograph};
 use crate::pictures::{draw, exposure, exposure_of, is_fitted, rounds, variances};
-use crate::unknowns::{SceneUnknowns, UnknownKind};
-use crate::{Options, Result};
-use mesophyll_base::solvers::decomposition::symmetric_eigen;
+use crate::step::{moved, step};
+use crate::unknowns::SceneUnknowns;
+use crate::{Options, Result, processor};
 use mesophyll_base::solvers::{Termination, TraceRow};
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_transport::path::slopes::{DerivativePicture, RadianceParameter};
+use mesophyll_transport::path::{PathSettings, PathTracer};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -66,6 +67,22 @@ pub struct ReadingComparison {
     pub of: PixelUse,
 }
 
+/// One step of the search.
+pub struct SceneStep {
+    /// The row of the fit's trace.
+    pub row: TraceRow,
+    /// Processor time since the start (s), where the system says it.
+    pub processor_s: Option<f64>,
+    /// Paths a pixel of the step's pictures.
+    pub paths: u32,
+    /// Readings of the pictures before the step.
+    pub readings: usize,
+    /// The numbers after it.
+    pub values: Vec<f64>,
+    /// Their standard errors, as far as they were known.
+    pub stderr: Vec<f64>,
+}
+
 /// The end of the search.
 pub struct SceneFit {
     /// Covariance of the numbers, of those that are determined; infinite on the diagonal of others.
@@ -76,8 +93,8 @@ pub struct SceneFit {
     pub compared: Vec<ReadingComparison>,
     /// Why the search ended.
     pub termination: Termination,
-    /// One row a step.
-    pub trace: Vec<TraceRow>,
+    /// The steps.
+    pub steps: Vec<SceneStep>,
     /// Paths a pixel of the last pictures.
     pub paths: u32,
     /// Median of the pictures' own noise over the measurement's.
@@ -87,9 +104,11 @@ pub struct SceneFit {
 }
 
 /// What a step is made of.
-struct Normal {
-    matrix: DMatrix<f64>,
-    gradient: DVector<f64>,
+pub struct SceneNormal {
+    /// The normal matrix.
+    pub matrix: DMatrix<f64>,
+    /// The gradient.
+    pub gradient: DVector<f64>,
     chi2: f64,
     count: usize,
     /// Median of own noise over the measurement's.
@@ -100,7 +119,7 @@ struct Normal {
     slopes: Vec<(usize, usize, f64)>,
 }
 
-impl Normal {
+impl SceneNormal {
     /// The readings compared with what would be shown after a step.
     fn after(mut self, step: &[f64]) -> Vec<ReadingComparison> {
         for (k, number, slope) in self.slopes {
@@ -118,10 +137,10 @@ impl Normal {
 /// # Errors
 /// A stop that was asked for, and those of the scene's light.
 pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options: &Options) -> Result<SceneFit> {
-    let clock = Instant::now();
+    let (clock, processor) = (Instant::now(), processor::seconds());
     let (_, n) = numbers.places();
     let bar = TaskProgress::of("steps");
-    let (mut paths, mut seed, mut trace) = (PATHS.min(options.samples), options.seed, Vec::new());
+    let (mut paths, mut seed, mut steps) = (PATHS.min(options.samples), options.seed, Vec::new());
     let (mut termination, mut wild) = (Termination::IterationLimit, None);
     let (mut last, mut since, mut stepped) = (None, 0, Vec::new());
     for iteration in 0..STEPS {
@@ -135,7 +154,7 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
         stepped = after.iter().zip(&before).map(|(a, b)| a - b).collect();
         let shares: Vec<f64> = (0..n).map(|k| (after[k] - before[k]) / stderr[k]).filter(|s| s.is_finite()).collect();
         let square = shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64;
-        trace.push(TraceRow {
+        let row = TraceRow {
             iteration,
             evaluations: 3 * (iteration + 1),
             elapsed_s: clock.elapsed().as_secs_f64(),
@@ -143,7 +162,9 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
             gradient: normal.gradient.amax(),
             step: square.sqrt(),
             truth_error: None,
-        });
+        };
+        let processor_s = processor::seconds().zip(processor).map(|(now, then)| now - then);
+        steps.push(SceneStep { row, processor_s, paths, readings: normal.count, values: after.clone(), stderr });
         progress::say(format_args!(
             "step {}: χ² {:.4} a reading, {paths} paths a pixel, {:.2} standard errors",
             iteration + 1,
@@ -184,18 +205,20 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
     let wild = wild.unwrap_or(0);
     let own_noise = normal.own;
     compared.extend(normal.after(&stepped));
-    Ok(SceneFit { covariance, undetermined, compared, termination, trace, paths, own_noise, wild })
+    Ok(SceneFit { covariance, undetermined, compared, termination, steps, paths, own_noise, wild })
 }
 
-fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: u64) -> Result<Normal> {
+fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: u64) -> Result<SceneNormal> {
     let (first, n) = numbers.places();
     let slopes = numbers.slopes()?;
     let of: Vec<RadianceParameter> = slopes.iter().map(|(_, of)| of.clone()).collect();
     let [rounds, each] = rounds(paths);
+    let world = numbers.world()?;
+    let tracer = PathTracer::new(&world, PathSettings::default())?;
     let (a, one, two) = (
-        draw(numbers, shots, is_fitted, &[], [2 * rounds, each], seed)?,
-        draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 1)?,
-        draw(numbers, shots, is_fitted, &of, [rounds, each], seed + 2)?,
+        draw(&tracer, shots, is_fitted, &[], [2 * rounds, each], seed)?,
+        draw(&tracer, shots, is_fitted, &of, [rounds, each], seed + 1)?,
+        draw(&tracer, shots, is_fitted, &of, [rounds, each], seed + 2)?,
     );
     let compared = compared(numbers, shots, is_fitted, &a, [&one, &two], rounds);
     let fitted = || compared.iter().filter(|c| c.of == PixelUse::Fitted);
@@ -234,7 +257,7 @@ fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: 
             }
         }
     }
-    Ok(Normal { matrix, gradient, chi2, count, own, compared, slopes: by })
+    Ok(SceneNormal { matrix, gradient, chi2, count, own, compared, slopes: by })
 }
 
 /// The readings of the shots that `wanted` chooses, compared with `shown`. Two pictures of half as many paths give the
@@ -267,91 +290,6 @@ fn compared(
     out
 }
 
-/// The step, and standard errors as far as they are known yet. A weak pull of one unit keeps what no picture shows
-/// where it is. Where ρd and ρt would be more than 1 together, their sum is held there, and all other numbers follow.
-fn step(numbers: &SceneUnknowns, normal: &Normal) -> (Vec<f64>, Vec<f64>) {
-    let (unit, before) = (unit(numbers), numbers.values());
-    let (mut matrix, mut gradient) = (normal.matrix.clone(), normal.gradient.clone());
-    (0..unit.len()).for_each(|k| matrix[(k, k)] += 1.0 / (unit[k] * unit[k]));
-    let mut held = BTreeSet::new();
-    loop {
-        let (step, stderr) = solved(&matrix, &gradient, &unit);
-        let over = |pair: &&[usize; 2]| pair.iter().map(|k| before[*k] + step[*k]).sum::<f64>() > 1.0 + 1e-9;
-        let sides = sums(numbers);
-        let new: Vec<[usize; 2]> = sides.iter().filter(|pair| !held.contains(*pair)).filter(over).copied().collect();
-        if new.is_empty() {
-            return (step, stderr);
-        }
-        for [d, t] in new {
-            let weight = 1e4 * matrix[(d, d)].max(matrix[(t, t)]);
-            for i in [d, t] {
-                gradient[i] += weight * (1.0 - before[d] - before[t]);
-                [d, t].into_iter().for_each(|j| matrix[(i, j)] += weight);
-            }
-            held.insert([d, t]);
-        }
-    }
-}
-
-/// The solution of the normal equations, and its standard errors.
-fn solved(matrix: &DMatrix<f64>, gradient: &DVector<f64>, unit: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let n = unit.len();
-    let scale: Vec<f64> = (0..n).map(|k| 1.0 / matrix[(k, k)].max(1.0 / (unit[k] * unit[k])).sqrt()).collect();
-    let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (matrix[(i, j)] + matrix[(j, i)]) * scale[i] * scale[j]);
-    let Some(eigen) = symmetric_eigen(scaled) else { return (vec![0.0; n], vec![f64::INFINITY; n]) };
-    let right = DVector::from_fn(n, |k, _| gradient[k] * scale[k]);
-    let mut out = DVector::zeros(n);
-    let mut variance = vec![0.0; n];
-    for (k, value) in eigen.eigenvalues.iter().enumerate() {
-        // While noise is large, a direction's curvature may come out negative; nothing is known of it then.
-        if *value > 1e-9 {
-            let v = eigen.eigenvectors.column(k);
-            out += v * (v.dot(&right) / value);
-            (0..n).for_each(|j| variance[j] += v[j] * v[j] / value);
-        }
-    }
-    let stderr = (0..n).map(|k| (variance[k]).sqrt() * scale[k]).collect();
-    ((0..n).map(|k| out[k] * scale[k]).collect(), stderr)
-}
-
-/// The numbers after a step, shortened where they would leave their limits or change much at once.
-fn moved(numbers: &SceneUnknowns, before: &[f64], step: &[f64]) -> Vec<f64> {
-    let mut out = Vec::with_capacity(before.len());
-    for q in &numbers.list {
-        for channel in 0..q.at.len() {
-            let k = out.len();
-            let most = if q.is_factor() { 0.6 * before[k].abs() } else { 0.3 };
-            out.push((before[k] + step[k].clamp(-most, most)).clamp(q.low, q.high[channel]));
-        }
-    }
-    keep_energy(numbers, &mut out);
-    out
-}
-
-/// Places of ρd and ρt of each side and channel where both are unknown.
-fn sums(numbers: &SceneUnknowns) -> Vec<[usize; 2]> {
-    let (first, _) = numbers.places();
-    let all = || numbers.list.iter().zip(&first);
-    let through = |leaf: usize| all().find(|(q, _)| q.kind == UnknownKind::RhoT(leaf)).map(|(_, first)| *first);
-    all()
-        .filter_map(|(q, first)| match q.kind {
-            UnknownKind::RhoD(leaf, _) | UnknownKind::RhoDBoth(leaf) => Some((*first, through(leaf)?)),
-            _ => None,
-        })
-        .flat_map(|(d, t)| [0, 1, 2].map(|c| [d + c, t + c]))
-        .collect()
-}
-
-/// ρd and ρt of a side are at most 1 together: what both are too large by is taken from both.
-fn keep_energy(numbers: &SceneUnknowns, values: &mut [f64]) {
-    for [d, t] in sums(numbers) {
-        let sum = values[d] + values[t];
-        if sum > 1.0 {
-            (values[d], values[t]) = (values[d] / sum, values[t] / sum);
-        }
-    }
-}
-
 /// The readings of pictures that are kept from the fit as a whole.
 fn held_out(
     numbers: &SceneUnknowns,
@@ -361,9 +299,11 @@ fn held_out(
 ) -> Result<Vec<ReadingComparison>> {
     let all = |shot: &ScenePhotograph| !is_fitted(shot);
     let [rounds, each] = rounds(paths);
-    let shown = draw(numbers, shots, all, &[], [2 * rounds, each], seed)?;
-    let one = draw(numbers, shots, all, &[], [rounds, each], seed + 7)?;
-    let two = draw(numbers, shots, all, &[], [rounds, each], seed + 8)?;
+    let world = numbers.world()?;
+    let tracer = PathTracer::new(&world, PathSettings::default())?;
+    let shown = draw(&tracer, shots, all, &[], [2 * rounds, each], seed)?;
+    let one = draw(&tracer, shots, all, &[], [rounds, each], seed + 7)?;
+    let two = draw(&tracer, shots, all, &[], [rounds, each], seed + 8)?;
     Ok(compared(numbers, shots, all, &shown, [&one, &two], rounds))
 }
 

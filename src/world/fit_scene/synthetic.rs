@@ -2,6 +2,7 @@
 
 use crate::{Error, Result};
 use mesophyll_files::image::{ChannelMaps, Packing, write_exr};
+use mesophyll_fits::gloss::synthetic::GaussianDeviates;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
@@ -82,39 +83,56 @@ pub fn opened(folder: &Path, text: &str) -> Result<LoadedScene> {
     LoadedScene::open(SceneManifest::read(&path)?, LeafSearch::default(), &Ledger::new())
 }
 
+/// How a picture is taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SyntheticExposure {
+    /// What the radiance is multiplied by.
+    pub factor: f64,
+    /// Relative standard deviation of a pixel.
+    pub noise: f64,
+    /// Paths a pixel.
+    pub samples: u32,
+    /// Seed of the paths and of the noise.
+    pub seed: u64,
+}
+
+impl Default for SyntheticExposure {
+    fn default() -> Self {
+        SyntheticExposure { factor: 1.0, noise: 0.01, samples: 512, seed: 77 }
+    }
+}
+
 /// Draws the views of a scene into a folder, times a factor, with noise of 1 % and the error of their own paths stated.
 /// `change` makes a reading of what is shown with noise, by its pixel.
 ///
 /// # Errors
 /// Those of [`opened`] and of drawing.
 pub fn photograph(folder: &Path, text: &str, factor: f64, change: impl Fn(usize, f64) -> f64) -> Result<()> {
+    taken(folder, text, SyntheticExposure { factor, ..SyntheticExposure::default() }, change)
+}
+
+/// As [`photograph`], by any exposure.
+///
+/// # Errors
+/// As [`photograph`].
+pub fn taken(folder: &Path, text: &str, by: SyntheticExposure, change: impl Fn(usize, f64) -> f64) -> Result<()> {
     let scene = opened(folder, text)?;
     let world = reference::traced(&scene, 0.0, &Ledger::new())?;
     let tracer = PathTracer::new(&world, PathSettings::default())?;
-    let mut state = 9u64;
-    // The sum of twelve uniform numbers, less 6, is nearly normal.
-    let mut normal = || {
-        let sum: f64 = (0..12)
-            .map(|_| {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 11) as f64 / (1u64 << 53) as f64
-            })
-            .sum();
-        sum - 6.0
-    };
+    let mut deviates = GaussianDeviates::new(by.seed);
     let size = [scene.manifest.check.width, scene.manifest.check.height].map(|n| n as usize);
     for view in scene.manifest.perspectives() {
         let mut picture = PathPicture::new(size[0], size[1]);
-        let target = SamplingTarget { samples: Some(512), error: None };
-        let request = PathRequest { camera: view.camera, size, seed: 77, target };
+        let target = SamplingTarget { samples: Some(by.samples), error: None };
+        let request = PathRequest { camera: view.camera, size, seed: by.seed, target };
         picture.draw(&tracer, &request, "", &mut |_| Ok(()))?;
         let mut maps = ChannelMaps::new(size[0], size[1]);
         let (mut seen, mut errors) = (vec![Vec::new(); 3], vec![Vec::new(); 3]);
         for (k, mean) in picture.mean.iter().enumerate() {
             for c in 0..3 {
-                let [value, own] = [mean[c], picture.error(k)[c]].map(|v| factor * f64::from(v));
-                seen[c].push(change(k, value + 0.01 * value * normal()) as f32);
-                errors[c].push((0.01 * value).hypot(own) as f32);
+                let [value, own] = [mean[c], picture.error(k)[c]].map(|v| by.factor * f64::from(v));
+                seen[c].push(change(k, value + by.noise * value * deviates.normal()) as f32);
+                errors[c].push((by.noise * value).hypot(own) as f32);
             }
         }
         for (prefix, planes) in [("", seen), ("error.", errors)] {
@@ -128,3 +146,26 @@ pub fn photograph(folder: &Path, text: &str, factor: f64, change: impl Fn(usize,
 /// Both pictures, as tables of a scene.
 pub const BOTH: &str =
     "[[picture]]\nview = \"across\"\nfile = \"across.exr\"\n[[picture]]\nview = \"against\"\nfile = \"against.exr\"\n";
+
+/// The scene with its first camera turned by 1° about the vertical.
+pub fn turned(text: String) -> String {
+    let ([x, y], (sin, cos)) = ([150.0, 180.0], 1f64.to_radians().sin_cos());
+    let target = [x * cos - y * sin - x, x * sin + y * cos - y, 40.0];
+    text.replacen("target_mm = [0, 0, 40]", &format!("target_mm = {target:?}"), 1)
+}
+
+/// The scene with all of its leaves 5 mm to the side.
+pub fn moved(text: String) -> String {
+    let line = |line: &str| {
+        let place = line.strip_prefix("position_mm = [").and_then(|rest| rest.split_once(','));
+        let number = place.and_then(|(x, rest)| Some((x.trim().parse::<f64>().ok()?, rest)));
+        number.map_or_else(|| line.to_string(), |(x, rest)| format!("position_mm = [{},{rest}", x + 5.0))
+    };
+    text.lines().map(line).collect::<Vec<_>>().join("\n") + "\n"
+}
+
+/// The scene with a gloss on the leaves that its cameras see.
+pub fn glossy(text: String) -> String {
+    let end = " }\n[[leaf]]\nname = \"b\"";
+    text.replacen(end, &format!(", rho_s = [0.06, 0.06, 0.06], m = 0.25{end}"), 1)
+}

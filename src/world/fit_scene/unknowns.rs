@@ -1,83 +1,23 @@
 //! The unknown numbers of a scene: what they are called, where they start, between which limits they lie, and the world
 //! that they make.
 
+use crate::mapped::MappedLeaf;
+use crate::quantity::{UnknownKind, UnknownQuantity};
+use crate::tissue::SceneTissue;
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneManifest, SceneSky, SkyModel, StatedUnknowns, SunLight};
+use mesophyll_scene::manifest::{SceneManifest, SceneSky, SkyModel, StatedUnknowns, SunLight, UniformLeaf};
+use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport::RadianceAt;
 use mesophyll_transport::path::slopes::RadianceParameter;
 use mesophyll_transport::world::{ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceWorld};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The channels' names.
-pub const CHANNELS: [&str; 3] = ["R", "G", "B"];
 /// Half of the step by which turbidity is moved to find the sky's derivative.
 const TURBIDITY_STEP: f64 = 0.02;
-
-/// What an unknown belongs to.
-#[derive(Debug, Clone, PartialEq)]
-pub enum UnknownKind {
-    /// ρd of a leaf of the world, of the back or the front.
-    RhoD(usize, bool),
-    /// ρd of a leaf of discs, whose two sides nothing tells apart.
-    RhoDBoth(usize),
-    /// ρt of a leaf.
-    RhoT(usize),
-    /// ρs of a leaf.
-    RhoS(usize),
-    /// m of a leaf.
-    Slope(usize),
-    /// Albedo of the ground, by its leaf of the world.
-    Ground(usize),
-    /// Irradiance of the sun.
-    Sun,
-    /// Factor of the sky's radiance.
-    SkyScale,
-    /// Turbidity of a physical sky.
-    Turbidity,
-    /// Factor of the pictures with this name.
-    Exposure(String),
-}
-
-/// An unknown: three numbers, one a channel, or one for all channels.
-#[derive(Debug, Clone, PartialEq)]
-pub struct UnknownQuantity {
-    /// What it is.
-    pub kind: UnknownKind,
-    /// Its name; a channel's number has `.R`, `.G` or `.B` after it.
-    pub name: String,
-    /// One number, or one a channel.
-    pub at: Vec<f64>,
-    /// The least value, and the largest of each number.
-    pub low: f64,
-    /// See `low`.
-    pub high: Vec<f64>,
-}
-
-impl UnknownQuantity {
-    /// Whether a step is judged relative to the value, as for factors of light.
-    pub fn is_factor(&self) -> bool {
-        matches!(
-            self.kind,
-            UnknownKind::Sun
-                | UnknownKind::SkyScale
-                | UnknownKind::Exposure(_)
-                | UnknownKind::Turbidity
-                | UnknownKind::Slope(_)
-        )
-    }
-
-    /// Names of its numbers.
-    pub fn names(&self) -> Vec<String> {
-        match self.at.len() {
-            1 => vec![self.name.clone()],
-            _ => CHANNELS.iter().map(|c| format!("{}.{c}", self.name)).collect(),
-        }
-    }
-}
 
 /// A scene with unknown numbers.
 pub struct SceneUnknowns {
@@ -86,6 +26,8 @@ pub struct SceneUnknowns {
     manifest: SceneManifest,
     /// Names of the world's leaves, as far as they are leaves.
     leaves: Vec<String>,
+    /// What leaves of the world consist of, where that is unknown.
+    tissues: BTreeMap<usize, SceneTissue>,
     /// The unknowns.
     pub list: Vec<UnknownQuantity>,
 }
@@ -94,93 +36,68 @@ impl SceneUnknowns {
     /// The unknowns of a scene, at the values that it states. `groups` are the names of unknown exposures.
     ///
     /// # Errors
-    /// Those of the scene's light, for a physical sky that its model refuses.
-    pub fn new(scene: &LoadedScene, world: ReferenceWorld, groups: &[String]) -> Result<SceneUnknowns> {
+    /// Those of the scene's light, for a physical sky that its model refuses, and those of a fit's maps.
+    pub fn new(
+        scene: &LoadedScene,
+        world: ReferenceWorld,
+        groups: &[String],
+        ledger: &Ledger,
+    ) -> Result<SceneUnknowns> {
         let manifest = &scene.manifest;
         let none = StatedUnknowns::default();
         let unknown = manifest.unknown.as_ref().unwrap_or(&none);
-        let index: BTreeMap<&str, usize> =
-            scene.drawn().enumerate().map(|(k, leaf)| (leaf.config.name.as_str(), k)).collect();
-        let mut list = Vec::new();
-        let mut add = |kind, name: String, at: Vec<f64>, [low, high]: [f64; 2]| {
-            let high = vec![high; at.len()];
-            list.push(UnknownQuantity { kind, name, at, low, high });
-        };
+        let (mut list, mut tissues) = (Vec::new(), BTreeMap::new());
         for (name, asked) in &unknown.leaves {
-            let (Some(k), Some(leaf)) = (index.get(name.as_str()), manifest.leaves.iter().find(|l| l.name == *name))
-            else {
+            let refuse = |what: String| Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what);
+            let Some((k, leaf)) = scene.drawn().enumerate().find(|(_, leaf)| leaf.config.name == *name) else {
                 let what = "found a leaf that stands nowhere in the scene, expected one that pictures could show";
-                return Err(Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what));
+                return Err(refuse(what.into()));
             };
-            let Some(stated) = leaf.uniform() else { continue };
+            let tissue = SceneTissue::of(scene, leaf, &world, k, asked, ledger)?;
             for what in asked {
-                let own = format!("leaf.{name}.{what}");
-                match what.as_str() {
-                    "rho_d" if leaf.discs.is_some() => {
-                        let [front, back] = stated.rho_d;
-                        let mean = [0, 1, 2].map(|c| 0.5 * (front[c] + back[c])).to_vec();
-                        add(UnknownKind::RhoDBoth(*k), own, mean, [0.0, 1.0]);
+                let own = tissue.as_ref().map_or(Ok(None), |tissue| tissue.unknown(k, name, what)).map_err(refuse)?;
+                match (own, leaf.config.uniform()) {
+                    (Some(own), _) => list.extend(own),
+                    (None, Some(stated)) => {
+                        list.extend(stated_unknowns(k, name, what, stated, leaf.config.discs.is_some(), asked));
                     }
-                    "rho_d" => {
-                        for (back, side) in [(false, "front"), (true, "back")] {
-                            let at = stated.rho_d[usize::from(back)].to_vec();
-                            add(UnknownKind::RhoD(*k, back), format!("leaf.{name}.{side}.rho_d"), at, [0.0, 1.0]);
-                        }
-                    }
-                    "rho_t" => add(UnknownKind::RhoT(*k), own, stated.rho_t.to_vec(), [0.0, 1.0]),
-                    "rho_s" => add(UnknownKind::RhoS(*k), own, stated.rho_s.unwrap_or([0.02; 3]).to_vec(), [0.0, 1.0]),
-                    _ => add(UnknownKind::Slope(*k), own, vec![stated.m], [0.02, 1.0]),
+                    (None, None) => {}
                 }
             }
+            tissue.map(|tissue| tissues.insert(k, tissue));
         }
+        let mut add = |kind, name: &str, at: Vec<f64>, [low, high]: [f64; 2], scale| {
+            let high = vec![high; at.len()];
+            list.push(UnknownQuantity { kind, name: name.into(), at, low, high, scale });
+        };
+        let any = [1e-9, f64::INFINITY];
         if let (Some(ground), false) = (world.ground, unknown.ground.is_empty()) {
             let albedo = manifest.ground.as_ref().map_or([0.0; 3], |g| g.albedo);
-            add(UnknownKind::Ground(world.instances[ground].leaf), "ground.albedo".into(), albedo.to_vec(), [0.0, 1.0]);
+            add(UnknownKind::Ground(world.instances[ground].leaf), "ground.albedo", albedo.to_vec(), [0.0, 1.0], None);
         }
         if let (Some(sun), false) = (&world.sun, unknown.sun.is_empty()) {
-            add(UnknownKind::Sun, "sun.irradiance".into(), sun.irradiance.to_vec(), [1e-9, f64::INFINITY]);
+            add(UnknownKind::Sun, "sun.irradiance", sun.irradiance.to_vec(), any, RELATIVE);
         }
         for what in &unknown.sky {
             let sky = manifest.physical_sky();
             match what.as_str() {
                 "scale" => {
                     let at = manifest.sky.as_ref().and_then(SceneSky::scale).unwrap_or(1.0);
-                    add(UnknownKind::SkyScale, "sky.scale".into(), vec![at], [1e-9, f64::INFINITY]);
+                    add(UnknownKind::SkyScale, "sky.scale", vec![at], any, RELATIVE);
                 }
                 _ => {
                     let at = sky.map_or(3.0, |s| s.turbidity);
                     let hosek = sky.map(|s| s.model) == Some(SkyModel::HosekWilkie);
                     let low = if hosek { 1.0 } else { 1.7 };
-                    add(UnknownKind::Turbidity, "sky.turbidity".into(), vec![at], [low, 10.0]);
+                    add(UnknownKind::Turbidity, "sky.turbidity", vec![at], [low, 10.0], RELATIVE);
                 }
             }
         }
         for group in groups {
-            add(UnknownKind::Exposure(group.clone()), format!("exposure.{group}"), vec![1.0], [1e-9, f64::INFINITY]);
-        }
-        // What a side reflects and lets through is at most all of the light.
-        for q in &mut list {
-            let (leaf, mine) = match q.kind {
-                UnknownKind::RhoD(leaf, back) => (leaf, Some(back)),
-                UnknownKind::RhoT(leaf) => (leaf, None),
-                _ => continue,
-            };
-            let Some((name, _)) = index.iter().find(|(_, k)| **k == leaf) else { continue };
-            let asked = |what: &str| unknown.leaves.get(*name).is_some_and(|list| list.iter().any(|n| n == what));
-            let Some(stated) = manifest.leaves.iter().find(|l| l.name == **name).and_then(|l| l.uniform()) else {
-                continue;
-            };
-            for (c, high) in q.high.iter_mut().enumerate() {
-                let rest = match mine {
-                    Some(_) if !asked("rho_t") => stated.rho_t[c],
-                    None if !asked("rho_d") => stated.rho_d[0][c].max(stated.rho_d[1][c]),
-                    _ => 0.0,
-                };
-                *high = (1.0 - rest).max(0.0);
-            }
+            add(UnknownKind::Exposure(group.clone()), &format!("exposure.{group}"), vec![1.0], any, RELATIVE);
         }
         let leaves = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
-        Ok(SceneUnknowns { world, manifest: manifest.clone(), leaves, list })
+        Ok(SceneUnknowns { world, manifest: manifest.clone(), leaves, tissues, list })
     }
 
     /// Index of the first number of each unknown, and how many there are in all.
@@ -193,6 +110,23 @@ impl SceneUnknowns {
     /// The name of a leaf of the world.
     pub fn leaf_name(&self, leaf: usize) -> String {
         self.leaves.get(leaf).cloned().unwrap_or_default()
+    }
+
+    /// Every leaf with maps whose numbers are unknown: its name, its index, and the maps.
+    pub fn mapped(&self) -> impl Iterator<Item = (String, usize, &MappedLeaf)> {
+        self.tissues.iter().filter_map(|(k, tissue)| {
+            if let SceneTissue::Maps(maps) = tissue { Some((self.leaf_name(*k), *k, &**maps)) } else { None }
+        })
+    }
+
+    /// Holds values of the numbers where no leaf's maps give more light than they get.
+    pub fn keep_maps(&self, values: &mut [f64]) {
+        let (first, _) = self.places();
+        for (k, tissue) in &self.tissues {
+            if let SceneTissue::Maps(maps) = tissue {
+                maps.keep_energy(*k, &self.list, &first, values);
+            }
+        }
     }
 
     /// Sets all numbers.
@@ -274,6 +208,9 @@ impl SceneUnknowns {
                 _ => {}
             }
         }
+        for (k, tissue) in &self.tissues {
+            tissue.set(*k, &self.list, &mut out)?;
+        }
         Ok(out)
     }
 
@@ -330,10 +267,66 @@ impl SceneUnknowns {
                     RadianceParameter::Light { sky: Some(sky), sun: [0, 1, 2].map(|c| (high[c] - low[c]) * over) }
                 }
                 UnknownKind::Exposure(_) => continue,
+                UnknownKind::Slab(leaf, _)
+                | UnknownKind::Factor(leaf, _)
+                | UnknownKind::Absorption(leaf)
+                | UnknownKind::Content(leaf, _) => {
+                    let own = self.tissues.get(leaf).and_then(|tissue| tissue.slope(*leaf, &q.kind, &self.list));
+                    let Some(own) = own else { continue };
+                    own
+                }
             };
             out.push((k, of));
         }
         Ok(out)
+    }
+}
+
+/// Numbers that are judged relative to their own size.
+const RELATIVE: Option<f64> = Some(1e-9);
+
+/// The unknowns that `what` asks for, of a leaf whose reflectances are numbers. `asked` is all that is asked of it.
+fn stated_unknowns(
+    k: usize,
+    leaf: &str,
+    what: &str,
+    stated: &UniformLeaf,
+    discs: bool,
+    asked: &[String],
+) -> Vec<UnknownQuantity> {
+    // What a side reflects and lets through is at most all of the light.
+    let free = |what: &str| asked.iter().any(|n| n == what);
+    let rest = |share: f64, taken: bool| if taken { (1.0 - share).max(0.0) } else { 1.0 };
+    let beside_t: Vec<f64> = stated.rho_t.iter().map(|t| rest(*t, !free("rho_t"))).collect();
+    let [front, back] = stated.rho_d;
+    let beside_d: Vec<f64> = (0..3).map(|c| rest(front[c].max(back[c]), !free("rho_d"))).collect();
+    let one = |kind, name: &str, at: [f64; 3], high: &[f64]| UnknownQuantity {
+        kind,
+        name: format!("leaf.{leaf}.{name}"),
+        at: at.to_vec(),
+        low: 0.0,
+        high: high.to_vec(),
+        scale: None,
+    };
+    match what {
+        "rho_d" if discs => {
+            let mean = [0, 1, 2].map(|c| 0.5 * (front[c] + back[c]));
+            vec![one(UnknownKind::RhoDBoth(k), "rho_d", mean, &[1.0; 3])]
+        }
+        "rho_d" => vec![
+            one(UnknownKind::RhoD(k, false), "front.rho_d", front, &beside_t),
+            one(UnknownKind::RhoD(k, true), "back.rho_d", back, &beside_t),
+        ],
+        "rho_t" => vec![one(UnknownKind::RhoT(k), "rho_t", stated.rho_t, &beside_d)],
+        "rho_s" => vec![one(UnknownKind::RhoS(k), "rho_s", stated.rho_s.unwrap_or([0.02; 3]), &[1.0; 3])],
+        _ => vec![UnknownQuantity {
+            kind: UnknownKind::Slope(k),
+            name: format!("leaf.{leaf}.m"),
+            at: vec![stated.m],
+            low: 0.02,
+            high: vec![1.0],
+            scale: RELATIVE,
+        }],
     }
 }
 

@@ -47,6 +47,14 @@ pub fn table(leaf: &LayeredLeaf) -> Option<Vec<FoliarShares>> {
     Some(lights.iter().zip(&found).map(share).collect())
 }
 
+/// The derivatives of the inside's reflectance and of the transmittance by the absorption of one crossing, for each row
+/// of the [`table`].
+pub fn by_depth(leaf: &LayeredLeaf) -> Vec<[f64; 2]> {
+    let lights: Vec<(Side, f64)> = (0..ROWS).map(light).collect();
+    let found = exact::by_depth(leaf, &lights);
+    found.iter().map(|r| [r.reflectance.by[0], r.transmittance.by[0]]).collect()
+}
+
 /// A row of the table that pictures are made with. It has the paper's shares, but light that turns back before it came
 /// through the mesophyll is a column of its own. With its angle it has ten numbers, as many as the paper's: what the
 /// first interface reflects needs no column, because Fresnel's formula gives it.

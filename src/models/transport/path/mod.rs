@@ -18,6 +18,7 @@ mod escape;
 mod estimate;
 #[cfg(test)]
 mod foliar_tests;
+mod leaf_slopes;
 mod lights;
 mod picture;
 #[cfg(test)]

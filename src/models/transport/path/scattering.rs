@@ -86,6 +86,8 @@ pub struct DirectionSample {
     pub density: f64,
     /// Whether the light comes through the leaf.
     pub through: bool,
+    /// How often a ray through layers crossed the mesophyll, in thicknesses.
+    pub crossings: f64,
 }
 
 impl<'a> ScatterPoint<'a> {
@@ -209,7 +211,7 @@ impl<'a> ScatterPoint<'a> {
     /// Draws a direction from uniform numbers; `None` where the drawn direction has no weight.
     pub fn draw(&self, numbers: [f64; 4]) -> Option<DirectionSample> {
         if let Some((foliar, up)) = self.layers {
-            let (direction, weight) = foliar.follow(self.view, up, &mut stream(numbers))?;
+            let (direction, weight, crossings) = foliar.follow(self.view, up, &mut stream(numbers))?;
             // A direction that an interpolated normal sends through the blade has no weight.
             let sound = (self.normal.dot(direction) > 0.0) == self.faces(direction);
             return sound.then(|| DirectionSample {
@@ -217,6 +219,7 @@ impl<'a> ScatterPoint<'a> {
                 weight,
                 density: SURE,
                 through: !self.faces(direction),
+                crossings,
             });
         }
         let direction = self.direction(numbers)?;
@@ -228,6 +231,7 @@ impl<'a> ScatterPoint<'a> {
             weight: f.map(|x| x / density),
             density,
             through: !self.faces(direction),
+            crossings: 0.0,
         })
     }
 
@@ -241,7 +245,7 @@ impl<'a> ScatterPoint<'a> {
     /// a derivative by what is 0 is found by nothing else.
     pub fn raise(&mut self, asked: [bool; 3], least: f64) {
         let there = [true, true, self.gloss.is_some()];
-        if self.layers.is_some() || self.mirrored.is_some() {
+        if self.layers.is_some() {
             return;
         }
         for ((choice, asked), there) in self.choice.iter_mut().zip(asked).zip(there) {

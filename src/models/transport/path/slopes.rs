@@ -10,6 +10,7 @@
 //! and where light is met, d times the light and carried times the light's own derivative are added. Nothing is divided
 //! by a reflectance, so that black leaves have derivatives too. Balance weights and roulette are fixed numbers.
 
+use super::leaf_slopes::{self, LeafSlopes, Term};
 use super::lights::LightSample;
 use super::scattering::ScatterPoint;
 use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, PathSampler, PathTracer, estimate};
@@ -18,9 +19,11 @@ use crate::accelerate::Ray;
 use crate::camera::{CameraRays, ReferenceCamera};
 use crate::dome::RadianceAt;
 use crate::stage::SideBy;
+use crate::world::ReferenceSide;
 use glam::DVec3;
 use mesophyll_files::progress;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// What radiance is differentiated by. Each has a number for each channel, which changes the light of that channel
 /// alone; a number that all channels share is the sum of its derivatives.
@@ -39,6 +42,22 @@ pub enum RadianceParameter {
     RhoS(usize),
     /// The slope m of a leaf's gloss, the same on both sides.
     Slope(usize),
+    /// A number on which the maps of a leaf depend. The derivatives of a look are a look of the same size: ρd, ρt, ρs
+    /// and m of it are the derivatives of ρd, ρt, ρs and m.
+    Look {
+        /// Index of the leaf.
+        leaf: usize,
+        /// The derivatives, of the front and of the back.
+        sides: Arc<[ReferenceSide; 2]>,
+    },
+    /// A number on which the absorptions of one crossing depend, of a leaf by B1's models that
+    /// [`crate::foliar::FoliarMaterial::with_depths`] made.
+    Depth {
+        /// Index of the leaf.
+        leaf: usize,
+        /// The derivatives of the absorptions.
+        by: [f64; 3],
+    },
     /// A number of the light.
     Light {
         /// The derivative of the sky's radiance by direction, where the sky depends on it.
@@ -77,28 +96,13 @@ pub struct DerivativePicture {
 pub struct DerivativeTracer<'a> {
     tracer: &'a PathTracer<'a>,
     of: &'a [RadianceParameter],
-    /// For each leaf, the derivative by ρd of front and back, ρt, ρs and m, by its index in the list.
-    leaves: Vec<[Option<usize>; 5]>,
+    leaves: LeafSlopes<'a>,
 }
 
-/// The terms ∂f at one direction: the index of the derivative, and its value for each channel.
-type Terms = [Option<(usize, [f64; 3])>; 2];
-
 impl<'a> DerivativeTracer<'a> {
-    /// Derivatives by everything in `of`. Leaves by B1's models have none.
+    /// Derivatives by everything in `of`.
     pub fn new(tracer: &'a PathTracer<'a>, of: &'a [RadianceParameter]) -> DerivativeTracer<'a> {
-        let mut leaves = vec![[None; 5]; tracer.world().leaves.len()];
-        for (k, of) in of.iter().enumerate() {
-            let (leaf, slot) = match of {
-                RadianceParameter::RhoD { leaf, back } => (*leaf, usize::from(*back)),
-                RadianceParameter::RhoT(leaf) => (*leaf, 2),
-                RadianceParameter::RhoS(leaf) => (*leaf, 3),
-                RadianceParameter::Slope(leaf) => (*leaf, 4),
-                RadianceParameter::Light { .. } => continue,
-            };
-            leaves[leaf][slot] = Some(k);
-        }
-        DerivativeTracer { tracer, of, leaves }
+        DerivativeTracer { tracer, of, leaves: LeafSlopes::new(tracer.world().leaves.len(), of) }
     }
 
     /// One path along `ray` (of unit direction).
@@ -118,9 +122,9 @@ impl<'a> DerivativeTracer<'a> {
         };
         let (mut carried, mut d) = ([1.0; 3], vec![[0.0f64; 3]; self.of.len()]);
         let by_lights = lights.drawn(strategy);
+        let (mut points, mut terms): (Vec<_>, Vec<Term>) = (Vec::new(), Vec::new());
         for turned in 1..=most {
             let surface = stage.surface(&met, SideBy::Triangle);
-            let of_leaf = self.leaves[stage.world.instances[surface.instance].leaf];
             // Which lobe is drawn follows what is carried, and its derivatives.
             let mut weigh = carried;
             d.iter().for_each(|d| (0..3).for_each(|c| weigh[c] += WORTH * d[c].abs()));
@@ -128,23 +132,16 @@ impl<'a> DerivativeTracer<'a> {
                 weigh = [1.0; 3];
             }
             let mut scatter = ScatterPoint::new(stage, &surface, weigh, surface.rho_t());
-            let by_side = of_leaf[usize::from(surface.back)];
-            let asked = [by_side.is_some(), of_leaf[2].is_some(), of_leaf[3].is_some() || of_leaf[4].is_some()];
-            scatter.raise(asked, LEAST);
-            let terms = |l: DVec3, scatter: &ScatterPoint| -> [Terms; 2] {
-                let [diffuse, through, gloss, by_m] = scatter.lobes(l);
-                let one = |at: Option<usize>, v: f64| at.filter(|_| v != 0.0).map(|k| (k, [v; 3]));
-                let rho_s = scatter.rho_s();
-                let slope = of_leaf[4].filter(|_| by_m != 0.0).map(|k| (k, rho_s.map(|r| r * by_m)));
-                [[one(by_side, diffuse), one(of_leaf[2], through)], [one(of_leaf[3], gloss), slope]]
-            };
+            let (leaf, foliar) = (stage.world.instances[surface.instance].leaf, stage.foliar(surface.instance));
+            self.leaves.at(leaf, &surface, foliar, scatter.layered(), &mut points);
+            scatter.raise(leaf_slopes::asked(&points), LEAST);
             if !by_lights {
                 samples.skip();
             } else if let Some(light) = lights.draw(samples.next(), strategy) {
                 let l = light.direction;
                 let f = if light.sun { scatter.times_cosine_of_sun(l) } else { scatter.times_cosine(l) };
-                let terms = terms(l, &scatter);
-                let any = f.iter().any(|x| *x > 0.0) || terms.iter().flatten().any(Option::is_some);
+                leaf_slopes::terms(&points, &scatter, l, &mut terms);
+                let any = f.iter().any(|x| *x > 0.0) || !terms.is_empty();
                 if any && !stage.blocked(&stage.leave(surface.point, surface.flat, l)) {
                     let alone = light.sun && scatter.sun_by_maps();
                     let share = match light.density.filter(|_| !alone || scatter.faces(l)) {
@@ -154,22 +151,23 @@ impl<'a> DerivativeTracer<'a> {
                     self.gather(&mut out, &light, share, carried, &d, f, &terms);
                 }
             }
-            let (direction, weight, density, sure) = if scatter.layered() {
+            let (direction, weight, density) = if scatter.layered() {
                 let Some(turn) = scatter.draw(samples.next()) else { return out };
-                (turn.direction, turn.weight, turn.density, [[None; 2]; 2])
+                leaf_slopes::crossed(&points, turn.weight, turn.crossings, &mut terms);
+                (turn.direction, turn.weight, turn.density)
             } else {
                 let Some(direction) = scatter.direction(samples.next()) else { return out };
                 let density = scatter.density(direction);
                 if !(density > 0.0) {
                     return out;
                 }
-                let over = |terms: Terms| terms.map(|t| t.map(|(k, v)| (k, v.map(|v| v / density))));
-                let weight = scatter.times_cosine(direction).map(|f| f / density);
-                (direction, weight, density, terms(direction, &scatter).map(over))
+                leaf_slopes::terms(&points, &scatter, direction, &mut terms);
+                terms.iter_mut().for_each(|(_, by)| *by = by.map(|v| v / density));
+                (direction, scatter.times_cosine(direction).map(|f| f / density), density)
             };
             d.iter_mut().for_each(|d| (0..3).for_each(|c| d[c] *= weight[c]));
-            for (k, by) in sure.into_iter().flatten().flatten() {
-                (0..3).for_each(|c| d[k][c] += carried[c] * by[c]);
+            for (k, by) in &terms {
+                (0..3).for_each(|c| d[*k][c] += carried[c] * by[c]);
             }
             (0..3).for_each(|c| carried[c] *= weight[c]);
             let worth = d.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs())) * WORTH;
@@ -206,7 +204,7 @@ impl<'a> DerivativeTracer<'a> {
         carried: [f64; 3],
         d: &[[f64; 3]],
         f: [f64; 3],
-        terms: &[Terms; 2],
+        terms: &[Term],
     ) {
         let lit = light.weight.map(|w| w * share);
         for c in 0..3 {
@@ -215,7 +213,7 @@ impl<'a> DerivativeTracer<'a> {
         for (k, d) in d.iter().enumerate() {
             (0..3).for_each(|c| out.slopes[k][c] += d[c] * f[c] * lit[c]);
         }
-        for (k, by) in terms.iter().flatten().flatten() {
+        for (k, by) in terms {
             (0..3).for_each(|c| out.slopes[*k][c] += carried[c] * by[c] * lit[c]);
         }
         let through = [0, 1, 2].map(|c| carried[c] * f[c]);

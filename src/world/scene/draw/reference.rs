@@ -257,20 +257,7 @@ struct ReadSide {
 }
 
 fn one_side(interior: InteriorSource, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
-    let path = fitted.path(LeafFitFile::Maps, side);
-    let maps = reader::maps(fitted, side, ledger)?;
-    let (width, height) = (maps.width, maps.height);
-    let inside: &[Quantity] = match interior {
-        InteriorSource::Maps if fitted.is_stated() => &[Quantity::RhoD, Quantity::RhoT],
-        InteriorSource::Maps => &[Quantity::SigmaA, Quantity::SigmaS],
-        InteriorSource::Scalars => &[Quantity::Gamma],
-    };
-    let common = [Quantity::Mask, Quantity::Thickness, Quantity::M, Quantity::RhoS];
-    let mut planes = maps.require_planes(&path, &[&common, inside].concat())?;
-    // A fit itself fills its maps beyond the good texels. Texels that it left undetermined are filled here.
-    let good: Vec<bool> = (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
-    let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
-    filling::require(&path, &mut planes, &good, width, height)?;
+    let (planes, on_leaf, [width, height]) = planes(interior, fitted, side, ledger)?;
     let mut planes = planes.into_iter().skip(1);
     let mut one = || planes.next().unwrap_or_default();
     let (thickness, m) = (one(), one());
@@ -295,6 +282,41 @@ fn one_side(interior: InteriorSource, fitted: &LeafFit, side: Side, ledger: &Led
     let glossy = rho_s.iter().flatten().any(|v| *v > 0.0);
     let gloss = glossy.then_some(transport::ReferenceGloss { rho_s, m });
     Ok(ReadSide { side: transport::ReferenceSide { interior, gloss, normal }, size: [width, height], on_leaf })
+}
+
+/// The maps of a side without holes (mask, thickness, m, ρs, and those of its inside), which texels are on the leaf,
+/// and columns and rows.
+fn planes(
+    interior: InteriorSource,
+    fitted: &LeafFit,
+    side: Side,
+    ledger: &Ledger,
+) -> Result<(Vec<Vec<f32>>, Vec<u8>, [usize; 2])> {
+    let path = fitted.path(LeafFitFile::Maps, side);
+    let maps = reader::maps(fitted, side, ledger)?;
+    let (width, height) = (maps.width, maps.height);
+    let inside: &[Quantity] = match interior {
+        InteriorSource::Maps if fitted.is_stated() => &[Quantity::RhoD, Quantity::RhoT],
+        InteriorSource::Maps => &[Quantity::SigmaA, Quantity::SigmaS],
+        InteriorSource::Scalars => &[Quantity::Gamma],
+    };
+    let common = [Quantity::Mask, Quantity::Thickness, Quantity::M, Quantity::RhoS];
+    let mut planes = maps.require_planes(&path, &[&common, inside].concat())?;
+    // A fit itself fills its maps beyond the good texels. Texels that it left undetermined are filled here.
+    let good: Vec<bool> = (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
+    let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
+    filling::require(&path, &mut planes, &good, width, height)?;
+    Ok((planes, on_leaf, [width, height]))
+}
+
+/// The maps of thickness, of σa and of σs (a channel each) of a fitted side, without holes.
+///
+/// # Errors
+/// As [`world`].
+pub fn tissue(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<Vec<Vec<f32>>> {
+    let (planes, ..) = planes(InteriorSource::Maps, fitted, side, ledger)?;
+    // After the mask and the thickness come m and ρs.
+    Ok(planes.into_iter().enumerate().filter(|(k, _)| *k == 1 || *k > 5).map(|(_, plane)| plane).collect())
 }
 
 /// ρd and ρt of every texel, from its own σa, σs and thickness.

@@ -1,7 +1,8 @@
 //! Leaves that are stated by the layered model of B1 (`docs/foliar.md`). The path tracer draws them. The real-time
 //! renderer shows a leaf with gloss in place of each ([`mesophyll_transport::foliar::MatteLeaf`]).
 
-use super::leaf::{LeafOrigin, UniformLeaf};
+use super::leaf::LeafOrigin;
+use super::uniform::UniformLeaf;
 use crate::manifest::{Error, Result};
 use mesophyll_fits::foliar::pigments;
 use mesophyll_optics::foliar::pigments::LeafContents;
@@ -51,7 +52,31 @@ pub struct AutumnFade {
     pub at_s: f64,
 }
 
+/// What a leaf of layers absorbs by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum WhatAbsorbs {
+    /// The absorption of one crossing of each channel.
+    Absorption([f64; 3]),
+    /// Contents, in the order of [`mesophyll_optics::foliar::pigments::SUBSTANCES`].
+    Contents {
+        /// How much there is of each: µg/cm² of the first four, g/cm² of water.
+        amounts: [f64; 5],
+        /// What one unit of each adds to the absorption of one crossing of each channel.
+        per_content: [[f64; 5]; 3],
+    },
+}
+
 impl StatedLayers {
+    fn amounts(&self) -> [f64; 5] {
+        [
+            self.chlorophyll_ug_cm2,
+            self.carotenoid_ug_cm2,
+            self.protein_ug_cm2,
+            self.cellulose_lignin_ug_cm2,
+            self.water_g_cm2,
+        ]
+    }
+
     /// The chlorophyll content at a time (s), in µg/cm².
     fn chlorophyll(&self, time_s: f64) -> f64 {
         let first = self.chlorophyll_ug_cm2;
@@ -145,11 +170,25 @@ impl super::SceneManifest {
             let leaf = &mut self.leaves[k];
             (leaf.lobe, leaf.index) = (LobeKind::CookTorrance, Some(index));
             if let LeafOrigin::Layered(layered) = &mut leaf.origin {
-                let stand_in = UniformLeaf { rho_d, rho_t, rho_s: Some(rho_s), m, spectrum: None };
+                let stand_in = UniformLeaf { rho_d, rho_t, rho_s: Some(rho_s), m, slab: None, spectrum: None };
                 layered.made = Some((Arc::new(foliar), stand_in));
             }
         }
         Ok(())
+    }
+
+    /// What the leaf absorbs by.
+    ///
+    /// # Errors
+    /// A table of pigments that cannot be read.
+    pub fn absorbed_by(&self, stated: &StatedLayers) -> Result<WhatAbsorbs> {
+        let (Some(table), None) = (&stated.pigments, &stated.absorption) else {
+            return Ok(WhatAbsorbs::Absorption(stated.absorption.unwrap_or_default()));
+        };
+        let spectrum = pigments::read(&self.resolve(table))?;
+        // The table was found to have these wavelengths when the leaf was made.
+        let per = stated.wavelengths_nm.map(|w| spectrum.at(w).map_or([0.0; 5], |constants| constants.per_content()));
+        Ok(WhatAbsorbs::Contents { amounts: stated.amounts(), per_content: per })
     }
 
     /// The layers at the wavelengths that represent red, green and blue.
@@ -162,13 +201,7 @@ impl super::SceneManifest {
         let oblateness = Oblateness { cuticle, epidermis, palisade, spongy };
         let soybean = Layers::soybean(0.0);
         let usual = [soybean.n_cuticle, soybean.n_mesophyll, soybean.n_antidermal];
-        let amounts = [
-            stated.chlorophyll_ug_cm2,
-            stated.carotenoid_ug_cm2,
-            stated.protein_ug_cm2,
-            stated.cellulose_lignin_ug_cm2,
-            stated.water_g_cm2,
-        ];
+        let amounts = stated.amounts();
         if let Some(x) = amounts.iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
             return Err(fault(format!("a content is {x}; expected 0 or more")));
         }

@@ -1,8 +1,8 @@
 //! The leaves that a scene may show: where their data come from, and how they are drawn.
 
 use super::foliar::StatedLayers;
-use super::spectrum::{StatedSpectrum, unstated};
 use super::table::StatedTable;
+use super::uniform::UniformLeaf;
 use crate::manifest::Result;
 use mesophyll_base::surface::basis::TranslucencyBasis;
 use mesophyll_files::unit::LengthUnit;
@@ -174,41 +174,6 @@ impl StatedLeaf {
         };
         t.finish(&format!(", but leaf \"{}\" {what}", leaf.name))?;
         Ok(leaf)
-    }
-}
-
-/// A leaf whose reflection is stated: on either side f_r = ρd/π + ρs·f_s, where ρs·f_s is the gloss, and in both
-/// directions f_t = ρt/π.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct UniformLeaf {
-    /// Diffuse reflectance of the front and of the back, linear sRGB; from the spectrum where it is not stated.
-    #[serde(default = "unstated_sides")]
-    pub rho_d: [[f64; 3]; 2],
-    /// Transmittance, the same in both directions; from the spectrum where it is not stated.
-    #[serde(default = "unstated")]
-    pub rho_t: [f64; 3],
-    /// Reflectance ρs of the gloss on both sides. ρd is not reduced by it. The leaf is matte when this is absent.
-    pub rho_s: Option<[f64; 3]>,
-    /// Root mean square slope m of the gloss.
-    #[serde(default = "slope")]
-    pub m: f64,
-    /// A table of reflectance and transmittance over wavelength, for light of any band.
-    pub spectrum: Option<StatedSpectrum>,
-}
-
-fn unstated_sides() -> [[f64; 3]; 2] {
-    [unstated(); 2]
-}
-
-fn slope() -> f64 {
-    0.2
-}
-
-impl UniformLeaf {
-    /// ρs, unless it is zero.
-    pub fn gloss(&self) -> Option<[f64; 3]> {
-        self.rho_s.filter(|rho_s| rho_s.iter().any(|v| *v > 0.0))
     }
 }
 

@@ -15,14 +15,15 @@ mod picture;
 mod plant;
 mod spectrum;
 mod table;
+mod uniform;
 mod unknowns;
 mod validate;
 mod view;
 
+pub use foliar::WhatAbsorbs;
 pub use grass::StatedLawn;
 pub use leaf::{
-    FitOrigin, InteriorSource, LayeredOrigin, LeafOrigin, StatedLeaf, StatedScan, StatedTranslucency, UniformLeaf,
-    UpAxis,
+    FitOrigin, InteriorSource, LayeredOrigin, LeafOrigin, StatedLeaf, StatedScan, StatedTranslucency, UpAxis,
 };
 pub use light::{
     PhysicalSky, SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, StatedPanorama, SunLight, SunLocation,
@@ -35,6 +36,7 @@ pub use plant::{
     ScenePeriod, SceneWind, StatedFlutter, StatedPlant,
 };
 pub use spectrum::StatedSpectrum;
+pub use uniform::{UniformLeaf, UniformSlab};
 pub use unknowns::{StatedFactors, StatedPhotograph, StatedUnknowns};
 pub use view::{
     CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewKind,

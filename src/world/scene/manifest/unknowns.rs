@@ -1,7 +1,8 @@
 //! What was measured of a scene, and which of its numbers are unknown: the tables that `fit scene` reads.
 
-use crate::manifest::{Result, SceneManifest};
+use crate::manifest::{LeafOrigin, Result, SceneManifest, StatedLeaf};
 use mesophyll_base::error::{Error, Fault};
+use mesophyll_optics::foliar::pigments::SUBSTANCES;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -47,7 +48,8 @@ pub struct StatedFactors {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StatedUnknowns {
-    /// For each leaf, by its name: `rho_d`, `rho_t`, `rho_s`, `m`.
+    /// For each leaf, by its name, numbers that its kind of leaf has: `rho_d`, `rho_t`, `rho_s`, `m`, `sigma_a`,
+    /// `sigma_s`, `thickness_mm`, or the contents of a leaf of layers.
     pub leaves: BTreeMap<String, Vec<String>>,
     /// `albedo`.
     pub ground: Vec<String>,
@@ -57,15 +59,28 @@ pub struct StatedUnknowns {
     pub sun: Vec<String>,
 }
 
-/// Numbers that leaves, ground, sky and sun have.
-pub const OF_LEAVES: [&str; 4] = ["rho_d", "rho_t", "rho_s", "m"];
-/// Numbers of a leaf that pictures of a scene do not give yet, and what does.
-const ELSEWHERE: [(&str, &str); 4] = [
-    ("sigma_a", "`fit slab` finds it from rho_d and rho_t and the thickness"),
-    ("sigma_s", "`fit slab` finds it from rho_d and rho_t and the thickness"),
-    ("thickness_mm", "`fit slab` finds it from rho_d and rho_t"),
-    ("chlorophyll", "`fit foliar` finds it from a spectrum"),
-];
+/// Numbers of a leaf whose reflectances are stated, or pictures of them.
+const OF_LEAVES: &[&str] = &["rho_d", "rho_t", "rho_s", "m"];
+/// Numbers of a uniform leaf that is a slab.
+const OF_SLABS: &[&str] = &["sigma_a", "sigma_s", "thickness_mm", "rho_s", "m"];
+/// Numbers of a fitted leaf: those of its slab, and of its maps.
+const OF_FITS: &[&str] = &["sigma_a", "sigma_s", "thickness_mm", "rho_d", "rho_t", "rho_s", "m"];
+
+impl StatedLeaf {
+    /// The numbers of the leaf that may be unknown, and in words what kind of leaf has these.
+    pub(crate) fn unknowable(&self) -> (&'static [&'static str], &'static str) {
+        match &self.origin {
+            LeafOrigin::Uniform(uniform) if uniform.slab.is_some() => (OF_SLABS, "a uniform leaf that is a slab"),
+            LeafOrigin::Layered(layered) if layered.stated.pigments.is_some() => {
+                (&SUBSTANCES, "a leaf of layers with a table of pigments")
+            }
+            LeafOrigin::Layered(_) => (&["absorption"], "a leaf of layers without a table of pigments"),
+            LeafOrigin::Fitted(_) => (OF_FITS, "a fitted leaf"),
+            LeafOrigin::Uniform(_) => (OF_LEAVES, "a uniform leaf with reflectances"),
+            LeafOrigin::Look(_) | LeafOrigin::Other => (OF_LEAVES, "a leaf with pictures of its reflectances"),
+        }
+    }
+}
 
 impl SceneManifest {
     /// Checks the tables of what was measured and of what is unknown, for a fit from pictures.
@@ -128,28 +143,33 @@ impl SceneManifest {
                 let names: Vec<&str> = self.leaves.iter().map(|leaf| leaf.name.as_str()).collect();
                 return bad(&field, format!("found no leaf of this name, expected one of {}", names.join(", ")));
             };
-            for number in numbers {
-                if let Some((_, how)) = ELSEWHERE.iter().find(|(own, _)| own == number) {
-                    return bad(&field, format!("found \"{number}\", which pictures of a scene do not give; {how}"));
-                }
-                if !OF_LEAVES.contains(&number.as_str()) {
-                    return bad(&field, format!("found \"{number}\", expected some of {}", OF_LEAVES.join(", ")));
-                }
-            }
             let twin = self.leaves.iter().find(|other| other.like.as_ref() == Some(name));
             if let Some(other) = leaf.like.as_ref().or(twin.map(|twin| &twin.name)) {
                 let what = format!("found a leaf that shares its numbers with \"{other}\" (like), expected one alone");
                 return bad(&field, what);
             }
-            if leaf.layers().is_some() {
-                let what =
-                    "found a leaf of layers, expected one with `uniform`; `fit foliar` finds layers from spectra";
+            let (known, kind) = leaf.unknowable();
+            if let Some(number) = numbers.iter().find(|n| !known.contains(&n.as_str())) {
+                let expected = format!("expected some of {}, the numbers of {kind}", known.join(", "));
+                return bad(&field, format!("found \"{number}\", {expected}"));
+            }
+            if leaf.translucency.is_some() {
+                let what = "found a leaf through which the sun shines by translucency maps, which belong to its \
+                            present numbers; expected one without `translucency`";
                 return bad(&field, what.into());
             }
-            if leaf.uniform().is_none() {
-                let what =
-                    "found a leaf with a fit of its own, expected one with `uniform`, which is the same everywhere";
-                return bad(&field, what.into());
+            if leaf.layered().is_some_and(|layered| layered.stated.fades_to.is_some()) {
+                return bad(&field, "found a leaf that fades with time, expected one without `fades_to`".into());
+            }
+            let named = |list: &[&str]| numbers.iter().find(|n| list.contains(&n.as_str()));
+            if let (true, Some(of_slab), Some(own)) =
+                (leaf.fit().is_some(), named(&OF_SLABS[..3]), named(&["rho_d", "rho_t"]))
+            {
+                let what = format!(
+                    "found \"{own}\" beside \"{of_slab}\", whose slab gives it; expected numbers of the slab, or \
+                     reflectances"
+                );
+                return bad(&field, what);
             }
         }
         let lists = [

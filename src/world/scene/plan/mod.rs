@@ -13,6 +13,7 @@ pub mod leaf;
 pub mod levels;
 mod light;
 pub mod transfer;
+mod unknowns;
 mod warnings;
 
 use crate::Result;
@@ -231,6 +232,7 @@ impl ScenePlan {
         light::lights(manifest, placed, self)?;
         transfer::between(manifest, placed, self)?;
         light::absent_models(manifest, placed, self);
+        unknowns::unknowns(manifest, self);
         self.warnings = warnings::warnings(manifest, placed)?;
         let files = self.needed.iter().map(|n| (n.name.clone(), format!("{:?}", n.hash)));
         let decided = format!("{:?} {:?}", self.leaves, self.light);

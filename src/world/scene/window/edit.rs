@@ -117,6 +117,7 @@ impl SceneEditor {
                 thickness_mm: of(EditTarget::Leaf(leaf), EditQuantity::Thickness).map_or(0.0, |(h, start)| h - start),
                 rho_s: edits.factor(target, EditQuantity::RhoS),
                 m: edits.factor(target, EditQuantity::M),
+                ..LeafSideEdit::default()
             }
         })
     }

@@ -52,6 +52,32 @@ pub fn prepared(leaf: &LayeredLeaf, depths: &[f64], lights: &[(Side, f64)]) -> O
     None
 }
 
+/// The derivatives of [`responses`] by the absorption of one crossing, at the usual resolution.
+pub fn by_depth(leaf: &LayeredLeaf, lights: &[(Side, f64)]) -> Vec<LeafResponse<Dual<f64, 1>>> {
+    let constant = |x: f64| Dual::<f64, 1>::of(x);
+    let Oblateness { cuticle, epidermis, palisade, spongy } = leaf.oblateness;
+    let dual = LayeredLeaf {
+        depth: Dual::parameter(leaf.depth, 0),
+        n_cuticle: constant(leaf.n_cuticle),
+        n_mesophyll: constant(leaf.n_mesophyll),
+        n_antidermal: constant(leaf.n_antidermal),
+        oblateness: Oblateness {
+            cuticle: constant(cuticle),
+            epidermis: constant(epidermis),
+            palisade: constant(palisade),
+            spongy: constant(spongy),
+        },
+        path: leaf.path,
+    };
+    if straight(leaf) {
+        let one = |&(side, at): &(Side, f64)| LeafOperator::straight(&dual, at).solve(dual.depth).response(side, at);
+        return lights.iter().map(one).collect();
+    }
+    let prepared = LeafOperator::new(&dual, Resolution::USUAL);
+    let solved = prepared.solve(dual.depth);
+    lights.iter().map(|&(side, at)| solved.response(side, at)).collect()
+}
+
 /// Two resolutions that agree within this are both right to 2e-5.
 const SETTLED: f64 = 1e-5;
 

@@ -15,7 +15,7 @@ mod grid;
 mod kernel;
 mod matrix;
 
-pub use convergence::{PARAMETERS, derivatives, is_plain, prepared, response, responses};
+pub use convergence::{PARAMETERS, by_depth, derivatives, is_plain, prepared, response, responses};
 
 use super::{LayeredLeaf, LeafResponse, MesophyllPath, Oblateness, Side, enter, fresnel};
 use crate::number::Real;

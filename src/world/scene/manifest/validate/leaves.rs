@@ -128,6 +128,12 @@ fn one_uniform(p: &ManifestText, i: usize, leaf: &StatedLeaf, uniform: &UniformL
         };
         return Err(p.error(HEADER, i, KEY, what));
     }
+    if let Some(slab) = &uniform.slab {
+        for value in slab.sigma_a.iter().chain(&slab.sigma_s) {
+            p.range(HEADER, i, KEY, *value, [0.0, 1e6], "1/mm of absorption or scattering")?;
+        }
+        p.range(HEADER, i, KEY, slab.thickness_mm, [1e-6, 1e3], "mm of thickness")?;
+    }
     let [front, back] = &uniform.rho_d;
     let none = [0.0; 3];
     for (name, values) in [
