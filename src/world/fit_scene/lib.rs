@@ -120,7 +120,7 @@ fn fit(
     record.sections.insert("all".into(), section);
     let scale = "blue -4 to red +4 standard errors of a reading less the scene; grey: does not count";
     record.options.insert("residual_pictures".into(), format!("red, green and blue side by side, {scale}"));
-    maker.times.traces.insert("steps".into(), found.steps.iter().map(|step| step.row.clone()).collect());
+    maker.times.traces.insert("steps".into(), found.steps.iter().map(|step| step.row).collect());
     let out = maker.begin()?.to_path_buf();
     let mut files = residuals::pictures(&shots, &found, &out)?;
     files.extend(residuals::tables(&shots, &found, &out)?);
