@@ -123,7 +123,7 @@ fn one_uniform(p: &ManifestText, i: usize, leaf: &StatedLeaf, uniform: &UniformL
     }
     if let Some(name) = uniform.lacks() {
         let what = match uniform.spectrum {
-            None => format!("{name}: missing; expected rho_d and rho_t, or a spectrum"),
+            None => format!("{name}: missing; expected rho_d and rho_t, a slab, or a spectrum"),
             Some(_) => format!("{name}: missing; beside a spectrum, expected both rho_d and rho_t, or none of the two"),
         };
         return Err(p.error(HEADER, i, KEY, what));
