@@ -257,7 +257,7 @@ struct ReadSide {
 }
 
 fn one_side(interior: InteriorSource, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadSide> {
-    let (planes, on_leaf, [width, height]) = planes(interior, fitted, side, ledger)?;
+    let ReadPlanes { planes, on_leaf, size } = planes(interior, fitted, side, ledger)?;
     let mut planes = planes.into_iter().skip(1);
     let mut one = || planes.next().unwrap_or_default();
     let (thickness, m) = (one(), one());
@@ -281,17 +281,19 @@ fn one_side(interior: InteriorSource, fitted: &LeafFit, side: Side, ledger: &Led
     let normal = Some(transport::NormalMap { frame: transport::NormalFrame::Tangent, values });
     let glossy = rho_s.iter().flatten().any(|v| *v > 0.0);
     let gloss = glossy.then_some(transport::ReferenceGloss { rho_s, m });
-    Ok(ReadSide { side: transport::ReferenceSide { interior, gloss, normal }, size: [width, height], on_leaf })
+    Ok(ReadSide { side: transport::ReferenceSide { interior, gloss, normal }, size, on_leaf })
 }
 
-/// The maps of a side without holes (mask, thickness, m, ρs, and those of its inside), which texels are on the leaf,
-/// and columns and rows.
-fn planes(
-    interior: InteriorSource,
-    fitted: &LeafFit,
-    side: Side,
-    ledger: &Ledger,
-) -> Result<(Vec<Vec<f32>>, Vec<u8>, [usize; 2])> {
+/// The maps of a side, without holes.
+struct ReadPlanes {
+    /// Mask, thickness, m, ρs, and those of its inside.
+    planes: Vec<Vec<f32>>,
+    on_leaf: Vec<u8>,
+    size: [usize; 2],
+}
+
+/// Reads the maps of a side.
+fn planes(interior: InteriorSource, fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<ReadPlanes> {
     let path = fitted.path(LeafFitFile::Maps, side);
     let maps = reader::maps(fitted, side, ledger)?;
     let (width, height) = (maps.width, maps.height);
@@ -306,7 +308,7 @@ fn planes(
     let good: Vec<bool> = (0..width * height).map(|k| planes.iter().all(|p| p[k].is_finite())).collect();
     let on_leaf = planes[0].iter().map(|v| u8::from(*v != 0.0)).collect();
     filling::require(&path, &mut planes, &good, width, height)?;
-    Ok((planes, on_leaf, [width, height]))
+    Ok(ReadPlanes { planes, on_leaf, size: [width, height] })
 }
 
 /// The maps of thickness, of σa and of σs (a channel each) of a fitted side, without holes.
@@ -314,7 +316,7 @@ fn planes(
 /// # Errors
 /// As [`world`].
 pub fn tissue(fitted: &LeafFit, side: Side, ledger: &Ledger) -> Result<Vec<Vec<f32>>> {
-    let (planes, ..) = planes(InteriorSource::Maps, fitted, side, ledger)?;
+    let ReadPlanes { planes, .. } = planes(InteriorSource::Maps, fitted, side, ledger)?;
     // After the mask and the thickness come m and ρs.
     Ok(planes.into_iter().enumerate().filter(|(k, _)| *k == 1 || *k > 5).map(|(_, plane)| plane).collect())
 }
