@@ -24,13 +24,17 @@ fn row(case: &str, expected: &str, clock: Instant, verdict: String) -> StressRow
 /// What a scene states about a plant, and the verdict of its reader.
 fn stated(fields: &str) -> String {
     let text = format!(
-        "name = \"f\"\n[[leaf]]\nname = \"a\"\n\
+        "schema = 1\nname = \"f\"\n[[leaf]]\nname = \"a\"\n\
          uniform = {{ rho_d = [[0.1, 0.1, 0.1], [0.1, 0.1, 0.1]], rho_t = [0.1, 0.1, 0.1] }}\n\
          [[plant]]\nfile = \"p.glb\"\nmaterials = {{ leaf = \"a\" }}\n{fields}\n"
     );
     match SceneManifest::parse(&text, Path::new("forest.toml")) {
         Ok(_) => "ok".into(),
-        Err(error) => format!("refused: {error}"),
+        Err(error) => {
+            // What follows the file and the line.
+            let told = error.to_string();
+            format!("refused: {}", told.splitn(3, ':').nth(2).unwrap_or(&told).trim())
+        }
     }
 }
 
@@ -41,12 +45,16 @@ fn stated(fields: &str) -> String {
 pub fn rows() -> Result<Vec<StressRow>> {
     let mut rows = Vec::new();
     for (case, expected, fields) in [
-        ("more plants than a scene may have", "refused: ", "count = 2000001\narea_mm = [1e6, 1e6]"),
-        ("many plants without an area", "refused: ", "count = 1000"),
-        ("a list of places beside a number", "refused: ", "positions = \"p.txt\"\ncount = 5\narea_mm = [1e6, 1e6]"),
-        ("a unit without a list", "refused: ", "unit = \"mm\""),
-        ("scales that fall", "refused: ", "count = 9\narea_mm = [1e6, 1e6]\nscales = [2, 1]"),
-        ("a scale of nothing", "refused: ", "count = 9\narea_mm = [1e6, 1e6]\nscales = [0, 1]"),
+        ("more plants than a scene may have", "refused: plant.count", "count = 2000001\narea_mm = [1e6, 1e6]"),
+        ("many plants without an area", "refused: plant.area_mm", "count = 1000"),
+        (
+            "a list of places beside a number",
+            "refused: plant.positions",
+            "positions = \"p.txt\"\ncount = 5\narea_mm = [1e6, 1e6]",
+        ),
+        ("a unit without a list", "refused: plant.unit", "unit = \"mm\""),
+        ("scales that fall", "refused: plant.scales", "count = 9\narea_mm = [1e6, 1e6]\nscales = [2, 1]"),
+        ("a scale of nothing", "refused: plant.scales", "count = 9\narea_mm = [1e6, 1e6]\nscales = [0, 1]"),
         ("two million plants in a strip", "ok", "count = 2000000\narea_mm = [1e9, 1]\nscales = [0.001, 1000]"),
     ] {
         let clock = Instant::now();
@@ -204,14 +212,13 @@ mod drawn {
             Err(wrong) => wrong,
         };
         add("a plant of one leaf, a million times", "ok", &mut |r| {
-            let seen = camera(Vec3::ZERO, 2e5);
+            let seen = camera(Vec3::ZERO, 4e4);
             Ok(covers(&draw(r, &scene(1, &grid(1000, 40.0), true), &seen)?, 0.01, 1.0))
         });
         add("a plant of 400 leaves, a million times, far away", "ok", &mut |r| {
-            let plain = draw(r, &scene(400, &grid(1000, 400.0), true), &camera(Vec3::ZERO, 6e7))?;
+            let plain = draw(r, &scene(400, &grid(1000, 400.0), true), &camera(Vec3::ZERO, 6e5))?;
             let drawn = r.stats().triangles;
-            // A thousandth of all triangles would be 800,000.
-            Ok(if drawn > 40_000_000 { format!("wrong: {drawn} triangles") } else { covers(&plain, 1e-5, 0.2) })
+            Ok(if drawn > 40_000_000 { format!("wrong: {drawn} triangles") } else { covers(&plain, 0.01, 0.5) })
         });
         let near = camera(40.0 * Vec3::Z, 300.0);
         add("a thousand plants inside each other", "ok", &mut |r| {
@@ -248,7 +255,7 @@ mod drawn {
             Ok(covers(&draw(r, &scene(40, &few, true), &camera(Vec3::ZERO, 1e9))?, 0.0, 1e-3))
         });
         add("a camera inside a crown", "ok", &mut |r| {
-            let inside = viewer::Camera { eye: 40.0 * Vec3::Z, target: Vec3::new(1.0, 5.0, 41.0), ..near };
+            let inside = viewer::Camera { eye: Vec3::new(30.0, 30.0, 5.0), target: Vec3::new(31.0, 35.0, 5.5), ..near };
             let alone = draw(r, &scene(40, &few, false), &inside)?;
             Ok(same(&draw(r, &scene(40, &few, true), &inside)?, &alone))
         });

@@ -46,10 +46,15 @@ fn kept(tubes: &[(WoodTube, Vec<WoodRing>)], distance: f64) -> Vec<(usize, f64)>
         let of = |w: &[WoodRing]| w[0].middle.distance(w[1].middle) * (w[0].radius + w[1].radius);
         tubes[k].1.windows(2).map(of).sum::<f64>()
     };
+    let long = |k: usize| {
+        let steps = tubes[k].1.windows(2);
+        steps.map(|w| w[0].middle.distance(w[1].middle)).sum::<f64>().max(2.0 * radius(k))
+    };
     let largest = (0..tubes.len()).max_by(|a, b| size(*a).total_cmp(&size(*b)));
     let share = |k: usize| match largest == Some(k) {
         true => 1.0,
-        false => (2.0 * radius(k) / (WIDTH * distance)).min(1.0),
+        // None is drawn wider than it is long.
+        false => (2.0 * radius(k) / (WIDTH * distance).min(long(k))).min(1.0),
     };
     // Branches that follow each other have ranks far apart.
     let rank = |k: usize| (0.5 + 0.618_033_988_749_895 * k as f64).fract();
