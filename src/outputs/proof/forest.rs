@@ -24,9 +24,11 @@ fn row(case: &str, expected: &str, clock: Instant, verdict: String) -> StressRow
 /// What a scene states about a plant, and the verdict of its reader.
 fn stated(fields: &str) -> String {
     let text = format!(
-        "schema = 1\nname = \"f\"\n[[leaf]]\nname = \"a\"\n\
+        "schema = 1\nname = \"f\"\n[[leaf]]\nname = \"a\"\nmesh = \"m.glb\"\n\
          uniform = {{ rho_d = [[0.1, 0.1, 0.1], [0.1, 0.1, 0.1]], rho_t = [0.1, 0.1, 0.1] }}\n\
-         [[plant]]\nfile = \"p.glb\"\nmaterials = {{ leaf = \"a\" }}\n{fields}\n"
+         [[plant]]\nfile = \"p.glb\"\nmaterials = {{ leaf = \"a\" }}\n{fields}\n\
+         [sky]\nradiance = [1, 1, 1]\n[[view]]\nname = \"v\"\nkind = \"perspective\"\neye_mm = [0, -1e3, 0]\n\
+         target_mm = [0, 0, 0]\nfov_deg = 40\n"
     );
     match SceneManifest::parse(&text, Path::new("forest.toml")) {
         Ok(_) => "ok".into(),

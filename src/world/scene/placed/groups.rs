@@ -142,10 +142,11 @@ mod tests {
     /// nearest to the camera are alone.
     #[test]
     fn groups_follow_the_wind_and_neighbours_differ() {
-        let text = "schema = 1\nname = \"t\"\n[[leaf]]\nname = \"a\"\nuniform = { rho_d = [[0.1, 0.1, 0.1], [0.1, 0.1, 0.1]], \
-                    rho_t = [0.1, 0.1, 0.1] }\n[[plant]]\nfile = \"p.glb\"\nmaterials = { leaf = \"a\" }\n\
-                    [wind]\nspeed_m_s = 5\nseed = 1\n[[view]]\nkind = \"perspective\"\nname = \"v\"\n\
-                    eye_mm = [0, 0, 1e3]\ntarget_mm = [1e4, 0, 1e3]\nfov_deg = 40\n";
+        let text = "schema = 1\nname = \"t\"\n[[leaf]]\nname = \"a\"\nmesh = \"m.glb\"\n\
+                    uniform = { rho_d = [[0.1, 0.1, 0.1], [0.1, 0.1, 0.1]], rho_t = [0.1, 0.1, 0.1] }\n\
+                    [[plant]]\nfile = \"p.glb\"\nmaterials = { leaf = \"a\" }\n[wind]\nspeed_m_s = 5\nseed = 1\n\
+                    [[view]]\nkind = \"perspective\"\nname = \"v\"\neye_mm = [0, 0, 1e3]\n\
+                    target_mm = [1e4, 0, 1e3]\nfov_deg = 40\n[sky]\nradiance = [1, 1, 1]\n";
         let manifest = match SceneManifest::parse(text, Path::new("t.toml")) {
             Ok(manifest) => manifest,
             Err(error) => panic!("{error}"),
