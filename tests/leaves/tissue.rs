@@ -319,7 +319,7 @@ fn every_file_that_is_wrong_is_named_at_once() {
     assert_eq!((code, problems.lines().count()), (2, 3), "{problems}");
     for said in [
         "01_front_90_0.exr: no such file",
-        "found 4x3 texels, expected 32x30",
+        "found 4x3 texels, capture.toml says 32x30",
         "03_back_50_200.exr: R: no texel has a reading",
     ] {
         assert!(problems.contains(said), "{said} is missing in\n{problems}");

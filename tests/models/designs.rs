@@ -1,9 +1,9 @@
 //! Designs of measurements on real scans and by the program.
 
 use crate::common::{run as program, skips};
+use mesophyll::base::solvers::selection::DesignAim;
 use mesophyll::files::table::InputTable;
 use mesophyll::fits::design::gloss::GonioDesign;
-use mesophyll::fits::design::selection::DesignAim;
 use mesophyll::fits::gloss::normal_of;
 use mesophyll::fits::gloss::samples::{self, GlossFitSettings, GlossSample, LobeChoice, MeasuredGloss};
 use mesophyll::optics::gloss::LobeKind;

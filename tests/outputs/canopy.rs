@@ -83,8 +83,8 @@ fn a_closed_canopy_meets_its_closed_form() {
     }
 }
 
-/// The plates again, at many wavelengths at once. Leaf and ground have spectra, black and white bands beside each other,
-/// and what no row has lies on straight lines.
+/// The plates again, at many wavelengths at once. Leaf and ground have spectra, black and white bands beside each
+/// other, and what no row has lies on straight lines.
 #[test]
 fn bands_of_a_closed_canopy_meet_their_closed_forms() {
     let dir = tempfile::tempdir().unwrap();

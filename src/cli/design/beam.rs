@@ -2,9 +2,9 @@
 
 use super::{ChosenIo, DesignAnswer, ReadingSet, positive, range_of};
 use crate::cli::{CommonArgs, Error, Result, names};
+use mesophyll_base::solvers::selection::{DesignChoice, evenly};
+use mesophyll_fits::branch::beam::design::BeamDesign;
 use mesophyll_fits::branch::beam::fit::PositionReference;
-use mesophyll_fits::design::beam::BeamDesign;
-use mesophyll_fits::design::selection::{DesignChoice, evenly};
 use mesophyll_plants::mechanics::load::Load;
 
 /// Chooses marks on a branch that will be loaded: those that leave the smallest standard errors of its taper and of

@@ -1,11 +1,11 @@
 //! `mesophyll design gloss`: which directions a goniometer should read.
 
 use super::{ChosenIo, DesignAnswer, ReadingSet};
-use crate::cli::{CommonArgs, Error, Result, names};
+use crate::cli::{CommonArgs, Error, Result, names, tables};
+use mesophyll_base::solvers::selection::{DesignAim, DesignChoice, evenly};
 use mesophyll_files::progress::say;
 use mesophyll_files::table::InputTable;
 use mesophyll_fits::design::gloss::GonioDesign;
-use mesophyll_fits::design::selection::{DesignAim, DesignChoice, evenly};
 use mesophyll_fits::gloss::samples::{self, GlossFitSettings, LobeChoice};
 use mesophyll_optics::gloss::LobeKind;
 use std::path::PathBuf;
@@ -14,8 +14,7 @@ use std::path::PathBuf;
 /// is that of `fit gloss --samples`; every leaf is fitted first. Usually the chosen directions predict all others best;
 /// --for m makes the errors of the gloss's parameters smallest instead.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  mesophyll design gloss --in scans.csv --directions 10 -o directions.csv\n\n\
-    The columns are those of `mesophyll fit gloss --help`.")]
+#[command(after_long_help = tables::help("design gloss"))]
 pub struct Args {
     /// CSV of goniometer samples (`-`: standard input)
     #[arg(long = "in", value_name = "FILE", default_value = "-")]

@@ -2,7 +2,7 @@
 
 use super::{ChosenIo, DesignAnswer, ReadingSet, positive};
 use crate::cli::{CommonArgs, Error, Result};
-use mesophyll_fits::design::motion::MotionDesign;
+use mesophyll_fits::branch::motion::design::MotionDesign;
 use mesophyll_plants::mechanics::wind::resonance;
 use std::f64::consts::PI;
 

@@ -1,7 +1,7 @@
 //! `mesophyll design slab`: which of the three measurements of a slab to repeat or to make better.
 
 use super::positive;
-use crate::cli::{CommonArgs, Result, batch};
+use crate::cli::{CommonArgs, Result, batch, tables};
 use mesophyll_files::progress::say;
 use mesophyll_files::table::{self, BatchIo, BatchSpec, InputTable, OutputRow};
 use mesophyll_optics::slab::inverse;
@@ -13,8 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// A reading repeated four times has half its error. Each wavelength is inverted by itself, so bands do not help one
 /// another; the thickness is common to all of them.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  mesophyll design slab --noise 0.005 --thickness-noise 0.01 --in \
-    data/tables/slab.csv -o out/slab-design.csv")]
+#[command(after_long_help = tables::help("design slab"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,

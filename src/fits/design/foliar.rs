@@ -4,10 +4,10 @@
 //! amplitude with a standard deviation of 1 beside the seven numbers of a leaf, so that bands which only repeat one
 //! another are not taken for new information.
 
-use super::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use crate::gloss::synthetic::GaussianDeviates;
 use crate::plates::leaf::PlateLight;
 use crate::plates::{CONTENTS, FREE, LOWER, PlateCoefficients, UPPER, USUAL};
+use mesophyll_base::solvers::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use rayon::prelude::*;
 
 /// Leaves that a design has to serve.
@@ -93,9 +93,9 @@ impl FoliarDesign<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::selection::evenly;
     use crate::plates::misfit::PlateMisfit;
     use crate::plates::{PlatePoint, PlatePopulation};
+    use mesophyll_base::solvers::selection::evenly;
 
     /// Chlorophyll absorbs around 660 nm, water around 1450 nm, dry matter everywhere beyond 1000 nm.
     fn coefficients() -> PlateCoefficients {

@@ -1,12 +1,12 @@
 //! What further frames of a scan would bring: the measurement to make next where the gloss is not determined.
 
 use super::leaf::{TubeDesignOptions, finished, places, some};
-use super::selection::{DesignChoice, DesignProblem};
 use super::tube::{DesignTexel, GlossFitTruth, TexelQuantity, TubeDesign};
 use crate::gloss::GlossFitDevice;
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::CameraNoise;
 use crate::record::next::{DETERMINED, NextMeasurement};
+use mesophyll_base::solvers::selection::{DesignChoice, DesignProblem};
 use mesophyll_base::statistics::median_of;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::quantity::Quantity;

@@ -1,8 +1,8 @@
 //! Directions of a goniometer: which of them tell most about the gloss of leaves like those that were measured.
 
-use super::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use crate::gloss::samples::{GlossFitSettings, GlossSample, GlossSampleFit, MeasuredGloss, fit};
 use crate::gloss::{M_RANGE, normal_of};
+use mesophyll_base::solvers::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use std::f64::consts::PI;
 
 /// What is known before any reading: reflectances, slope, and tilts of a leaf that was laid level (rad).
@@ -148,8 +148,8 @@ fn situation(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::selection::evenly;
     use crate::gloss::synthetic::GaussianDeviates;
+    use mesophyll_base::solvers::selection::evenly;
     use mesophyll_optics::gloss::Lobe;
 
     /// A leaf read at a grid of directions, with the noise of `seed`.

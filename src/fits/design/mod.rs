@@ -1,10 +1,7 @@
 //! Experiments planned: from a fit's own Jacobian, which readings leave the smallest standard errors.
 
-pub mod beam;
 pub mod foliar;
 pub(crate) mod frames;
 pub mod gloss;
 pub mod leaf;
-pub mod motion;
-pub mod selection;
 pub mod tube;

@@ -1,7 +1,7 @@
 //! Positions of a linear light source: which of them tell most about a leaf's texels.
 
-use super::selection::{DesignAim, DesignChoice, DesignParameter, DesignProblem, DesignSituation};
 use crate::gloss::{GlossFitDevice, GlossTexelFitter, ReadingNoise, RobustWeighting, normal_of, normal_slopes};
+use mesophyll_base::solvers::selection::{DesignAim, DesignChoice, DesignParameter, DesignProblem, DesignSituation};
 use mesophyll_base::statistics::median_of;
 use mesophyll_optics::gloss::{Lobe, LobeKind, dot};
 use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
@@ -81,7 +81,7 @@ pub struct TubeDesign {
 /// Standard errors of what a texel has, the median over the texels: ρd and ρs (of the three channels together), m, and
 /// the normal (degrees).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TexelErrors(pub [f64; 4]);
+pub struct DesignTexelErrors(pub [f64; 4]);
 
 impl TubeDesign {
     /// The problem of choosing places.
@@ -153,7 +153,7 @@ impl TubeDesign {
         let all: Vec<usize> = (0..self.places.len()).filter(|k| self.places[*k].pass == pass).collect();
         let mut order = Vec::new();
         for parts in 1..=all.len() {
-            order.extend(super::selection::evenly(all.len(), parts + 1).into_iter().map(|k| all[k]));
+            order.extend(mesophyll_base::solvers::selection::evenly(all.len(), parts + 1).into_iter().map(|k| all[k]));
         }
         order
     }
@@ -165,7 +165,7 @@ impl TubeDesign {
         for (k, pass) in passes.iter().enumerate() {
             let all: Vec<usize> = (0..self.places.len()).filter(|p| self.places[*p].pass == *pass).collect();
             let share = count / passes.len() + usize::from(k < count % passes.len());
-            chosen.extend(super::selection::evenly(all.len(), share).into_iter().map(|k| all[k]));
+            chosen.extend(mesophyll_base::solvers::selection::evenly(all.len(), share).into_iter().map(|k| all[k]));
         }
         chosen
     }
@@ -176,13 +176,13 @@ impl TubeDesign {
     }
 
     /// The errors that a choice leaves.
-    pub fn errors(&self, choice: &DesignChoice) -> TexelErrors {
+    pub fn errors(&self, choice: &DesignChoice) -> DesignTexelErrors {
         let of = |q: TexelQuantity| {
             let all: Vec<f64> = q.indices().map(|k| choice.errors[k]).filter(|e| *e > 1e-6).collect();
             (all.iter().map(|e| e * e).sum::<f64>() / all.len().max(1) as f64).sqrt()
         };
         let errors: Vec<f64> = TexelQuantity::iter().map(of).collect();
-        TexelErrors([errors[0], errors[1], errors[2], errors[3].to_degrees()])
+        DesignTexelErrors([errors[0], errors[1], errors[2], errors[3].to_degrees()])
     }
 
     /// Fits texels to exact readings of another lobe at the chosen places. Returns how many standard deviations of χ²

@@ -4,6 +4,7 @@ pub mod basis;
 pub mod bounds;
 pub mod curve;
 pub mod deflections;
+pub mod design;
 pub mod evidence;
 pub mod fit;
 pub mod record;

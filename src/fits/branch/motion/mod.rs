@@ -26,6 +26,7 @@ mod adequacy;
 mod cleaning;
 mod clock;
 pub mod decay;
+pub mod design;
 mod fisher;
 mod grid;
 pub mod gusts;

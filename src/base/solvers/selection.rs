@@ -228,7 +228,7 @@ impl DesignProblem {
     /// What a set of readings leaves.
     pub fn judge(&self, chosen: &[usize]) -> Option<DesignChoice> {
         let state = self.start(chosen)?;
-        let error = |k: usize| mesophyll_base::statistics::median_of(state.iter().map(|s| s.v[(k, k)].sqrt()));
+        let error = |k: usize| crate::statistics::median_of(state.iter().map(|s| s.v[(k, k)].sqrt()));
         Some(DesignChoice {
             chosen: chosen.to_vec(),
             errors: (0..self.parameters.len()).map(|k| error(k).unwrap_or(f64::NAN)).collect(),

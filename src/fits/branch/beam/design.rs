@@ -1,9 +1,9 @@
 //! Marks on a branch: where they tell most about its taper and stiffness.
 
-use super::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use crate::branch::beam::curve::BranchFitMarks;
 use crate::branch::beam::fit::{DeflectionMark, PositionReference};
 use mesophyll_base::solvers::Problem;
+use mesophyll_base::solvers::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use mesophyll_plants::mechanics::elastica::Elastica;
 use mesophyll_plants::mechanics::load::Load;
 
