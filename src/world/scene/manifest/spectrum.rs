@@ -110,7 +110,8 @@ impl SceneManifest {
             Some((field, spectrum, why)) => {
                 let (file, ground) = (spectrum.file.display(), field == "ground");
                 let stated = if ground { "albedo" } else { "rho_d and rho_t" };
-                let what = format!("{file} has no colours ({why}); expected {stated} beside it, or `--bands`");
+                let what =
+                    format!("{file} has no colours ({why}); expected {stated} beside it, or `eval canopy --bands`");
                 Err(Error::field(&self.path, &format!("{field}.spectrum"), what))
             }
         }
