@@ -12,6 +12,7 @@ pub mod processor;
 pub mod quadrature;
 pub mod random;
 pub mod rgb;
+pub mod selection;
 pub mod solvers;
 pub mod statistics;
 pub mod surface;

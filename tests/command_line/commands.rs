@@ -225,7 +225,7 @@ fn the_commands_of_the_translucency_page_run() {
 
 #[test]
 fn the_commands_of_the_light_page_run() {
-    assert_eq!(run_page("docs/light.md", false), [5, 4]);
+    assert_eq!(run_page("docs/light.md", false), [6, 4]);
 }
 
 #[test]

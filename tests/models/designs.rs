@@ -1,7 +1,7 @@
 //! Designs of measurements on real scans and by the program.
 
 use crate::common::{run as program, skips};
-use mesophyll::base::solvers::selection::DesignAim;
+use mesophyll::base::selection::DesignAim;
 use mesophyll::files::table::InputTable;
 use mesophyll::fits::design::gloss::GonioDesign;
 use mesophyll::fits::gloss::normal_of;

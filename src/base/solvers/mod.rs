@@ -12,7 +12,6 @@ pub mod lm;
 pub mod multi_start;
 pub mod problem;
 pub mod qr;
-pub mod selection;
 pub mod trace;
 pub mod uncertainty;
 

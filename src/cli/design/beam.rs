@@ -2,7 +2,7 @@
 
 use super::{ChosenIo, DesignAnswer, ReadingSet, positive, range_of};
 use crate::cli::{CommonArgs, Error, Result, names};
-use mesophyll_base::solvers::selection::{DesignChoice, evenly};
+use mesophyll_base::selection::{DesignChoice, evenly};
 use mesophyll_fits::branch::beam::design::BeamDesign;
 use mesophyll_fits::branch::beam::fit::PositionReference;
 use mesophyll_plants::mechanics::load::Load;

@@ -2,7 +2,7 @@
 
 use super::{ChosenIo, DesignAnswer, ReadingSet, positive, range_of};
 use crate::cli::{CommonArgs, Error, Result};
-use mesophyll_base::solvers::selection::{DesignChoice, evenly};
+use mesophyll_base::selection::{DesignChoice, evenly};
 use mesophyll_fits::design::foliar::FoliarDesign;
 use mesophyll_fits::plates::{CONTENTS, table};
 use std::path::PathBuf;

@@ -2,7 +2,7 @@
 
 use super::{ChosenIo, DesignAnswer, ReadingSet};
 use crate::cli::{CommonArgs, Error, Result, names, tables};
-use mesophyll_base::solvers::selection::{DesignAim, DesignChoice, evenly};
+use mesophyll_base::selection::{DesignAim, DesignChoice, evenly};
 use mesophyll_files::progress::say;
 use mesophyll_files::table::InputTable;
 use mesophyll_fits::design::gloss::GonioDesign;

@@ -3,7 +3,7 @@
 use super::{ChosenIo, DesignAnswer, ReadingSet, names, positive, range_of};
 use crate::cli::fit::gloss::LobeArgs;
 use crate::cli::{CommonArgs, Error, Result};
-use mesophyll_base::solvers::selection::{DesignChoice, DesignProblem};
+use mesophyll_base::selection::{DesignChoice, DesignProblem};
 use mesophyll_fits::design::leaf::{TexelRange, TubeDesignOptions, of_capture, of_specification};
 use mesophyll_fits::design::tube::{TexelQuantity, TubeDesign};
 use mesophyll_optics::gloss::LobeKind;

@@ -7,7 +7,7 @@
 use crate::gloss::synthetic::GaussianDeviates;
 use crate::plates::leaf::PlateLight;
 use crate::plates::{CONTENTS, FREE, LOWER, PlateCoefficients, UPPER, USUAL};
-use mesophyll_base::solvers::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
+use mesophyll_base::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use rayon::prelude::*;
 
 /// Leaves that a design has to serve.
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
     use crate::plates::misfit::PlateMisfit;
     use crate::plates::{PlatePoint, PlatePopulation};
-    use mesophyll_base::solvers::selection::evenly;
+    use mesophyll_base::selection::evenly;
 
     /// Chlorophyll absorbs around 660 nm, water around 1450 nm, dry matter everywhere beyond 1000 nm.
     fn coefficients() -> PlateCoefficients {

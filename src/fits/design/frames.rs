@@ -6,7 +6,7 @@ use crate::gloss::GlossFitDevice;
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::CameraNoise;
 use crate::record::next::{DETERMINED, NextMeasurement};
-use mesophyll_base::solvers::selection::{DesignChoice, DesignProblem};
+use mesophyll_base::selection::{DesignChoice, DesignProblem};
 use mesophyll_base::statistics::median_of;
 use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::quantity::Quantity;

@@ -2,7 +2,7 @@
 
 use crate::gloss::samples::{GlossFitSettings, GlossSample, GlossSampleFit, MeasuredGloss, fit};
 use crate::gloss::{M_RANGE, normal_of};
-use mesophyll_base::solvers::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
+use mesophyll_base::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use std::f64::consts::PI;
 
 /// What is known before any reading: reflectances, slope, and tilts of a leaf that was laid level (rad).
@@ -149,7 +149,7 @@ fn situation(
 mod tests {
     use super::*;
     use crate::gloss::synthetic::GaussianDeviates;
-    use mesophyll_base::solvers::selection::evenly;
+    use mesophyll_base::selection::evenly;
     use mesophyll_optics::gloss::Lobe;
 
     /// A leaf read at a grid of directions, with the noise of `seed`.

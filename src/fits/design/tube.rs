@@ -1,7 +1,7 @@
 //! Positions of a linear light source: which of them tell most about a leaf's texels.
 
 use crate::gloss::{GlossFitDevice, GlossTexelFitter, ReadingNoise, RobustWeighting, normal_of, normal_slopes};
-use mesophyll_base::solvers::selection::{DesignAim, DesignChoice, DesignParameter, DesignProblem, DesignSituation};
+use mesophyll_base::selection::{DesignAim, DesignChoice, DesignParameter, DesignProblem, DesignSituation};
 use mesophyll_base::statistics::median_of;
 use mesophyll_optics::gloss::{Lobe, LobeKind, dot};
 use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
@@ -153,7 +153,7 @@ impl TubeDesign {
         let all: Vec<usize> = (0..self.places.len()).filter(|k| self.places[*k].pass == pass).collect();
         let mut order = Vec::new();
         for parts in 1..=all.len() {
-            order.extend(mesophyll_base::solvers::selection::evenly(all.len(), parts + 1).into_iter().map(|k| all[k]));
+            order.extend(mesophyll_base::selection::evenly(all.len(), parts + 1).into_iter().map(|k| all[k]));
         }
         order
     }
@@ -165,7 +165,7 @@ impl TubeDesign {
         for (k, pass) in passes.iter().enumerate() {
             let all: Vec<usize> = (0..self.places.len()).filter(|p| self.places[*p].pass == *pass).collect();
             let share = count / passes.len() + usize::from(k < count % passes.len());
-            chosen.extend(mesophyll_base::solvers::selection::evenly(all.len(), share).into_iter().map(|k| all[k]));
+            chosen.extend(mesophyll_base::selection::evenly(all.len(), share).into_iter().map(|k| all[k]));
         }
         chosen
     }

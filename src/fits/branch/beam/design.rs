@@ -2,8 +2,8 @@
 
 use crate::branch::beam::curve::BranchFitMarks;
 use crate::branch::beam::fit::{DeflectionMark, PositionReference};
+use mesophyll_base::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use mesophyll_base::solvers::Problem;
-use mesophyll_base::solvers::selection::{DesignAim, DesignParameter, DesignProblem, DesignSituation};
 use mesophyll_plants::mechanics::elastica::Elastica;
 use mesophyll_plants::mechanics::load::Load;
 
