@@ -9,6 +9,7 @@ use mesophyll_fits::design::tube::{TexelQuantity, TubeDesign};
 use mesophyll_optics::gloss::LobeKind;
 use mesophyll_optics::tube::Travel;
 use std::path::PathBuf;
+use strum::IntoEnumIterator;
 
 /// Chooses the places of the tube that leave the smallest standard errors of ρd, ρs, m and the normal, averaged over
 /// the texels of a leaf: one that a specification describes, or one that has been scanned. Prints the errors of the
@@ -146,7 +147,9 @@ fn row(design: &TubeDesign, name: &str, choice: &DesignChoice) -> ReadingSet {
 fn lack_of_fit(design: &TubeDesign, choice: &DesignChoice, own: LobeKind) -> Vec<String> {
     /// A misfit of so many standard deviations of χ² is found by the fit.
     const SEEN: f64 = 4.0;
-    let other = if own == LobeKind::Ggx { LobeKind::Beckmann } else { LobeKind::Ggx };
+    let Some(other) = LobeKind::iter().find(|kind| *kind != own && kind.has_index() == own.has_index()) else {
+        return Vec::new();
+    };
     let Some(sigma) = design.lack_of_fit(&choice.chosen, other) else { return Vec::new() };
     let what = format!("a leaf with a {other} lobe in place of {own} changes chi2 by {sigma:.1} standard deviations");
     vec![if sigma >= SEEN {
