@@ -13,8 +13,8 @@ use std::path::PathBuf;
      with its\nreference; and shows a histogram and false colours. docs/window.md says more."
 )]
 pub struct Args {
-    /// Scene to open
-    #[arg(value_name = "SCENE.toml")]
+    /// Scene to open; or the folder of a leaf's fit, which is shown in sun and an even sky
+    #[arg(value_name = "SCENE.toml|FIT")]
     scene: PathBuf,
     /// Folder of a run, whose fits are shown; screenshots and edited fits go there (default: out/view/SCENE)
     #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::destination::folder())]

@@ -41,7 +41,7 @@ fn scene(folder: &Path, fit: &Path, more: &str) -> PathBuf {
     let text = format!(
         "schema = 1\nname = \"one-sided\"\ntolerance = 0.05\n[[leaf]]\nname = \"elm\"\nfit = \"{fit}\"\n{more}\n\
          [[instance]]\nleaf = \"elm\"\n[sun]\nzenith_deg = 30\nazimuth_deg = 60\nirradiance = [3, 3, 3]\n\
-         [sky]\nradiance = [0.3, 0.3, 0.3]\n{}[check]\nwidth = 96\nheight = 72\nsamples = 4\n",
+         [sky]\nradiance = [0.3, 0.3, 0.3]\n{}[check]\nwidth = 96\nheight = 72\nsamples = 32\n",
         views.concat()
     );
     std::fs::write(&path, text).unwrap();
