@@ -236,8 +236,8 @@ max_error = 0.1
     #[test]
     fn a_field_of_another_kind_of_leaf_is_refused_with_the_kinds_own_fields() {
         let own = "expected its fields name, like, uniform, mesh, part, mesh_unit, mesh_up, discs, lobe, index";
-        let of_fits = "expected interior of its fields name, like, fit, capture, scan, other_side, mesh, part, mesh_unit, \
-                       mesh_up, lobe, index, interior, translucency";
+        let of_fits = "expected interior of its fields name, like, fit, capture, scan, other_side, mesh, part, \
+                       mesh_unit, mesh_up, lobe, index, interior, translucency";
         let even = format!("{UNIFORM}{SHAPED}");
         let layers = format!("{LAYERS}{SHAPED}");
         // What stands in place of the fit, its first wrong line and field, and what is said of it.
