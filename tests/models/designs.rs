@@ -1,6 +1,6 @@
 //! Designs of measurements on real scans and by the program.
 
-use crate::common::{run as program, skips};
+use crate::common::{refused, run as program, skips};
 use mesophyll::base::selection::DesignAim;
 use mesophyll::files::table::InputTable;
 use mesophyll::fits::design::gloss::GonioDesign;
@@ -66,7 +66,9 @@ fn ten_directions_predict_real_leaves() {
             println!(
                 "{lobe}: median RMS of all {whole:.4}, predicted from ten {some:.4}, from every fourth {spaced:.4}"
             );
-            assert!(some < 1.3 * whole, "{whole} {some}");
+            assert!(some < spaced, "{some} {spaced}");
+            // What Beckmann's lobe leaves of these leaves is no noise, so only the lobe that they want is held to this.
+            assert!(lobe == LobeKind::Beckmann || some < 1.1 * whole, "{whole} {some}");
         }
     }
 }
@@ -99,8 +101,23 @@ fn a_scan_is_planned_and_goes_on_frame_by_frame() {
         let at: f64 = row.trim_start_matches("x,").parse().unwrap();
         assert!((-120.0..=40.0).contains(&at) && (at / 5.0).fract() == 0.0, "{row}");
     }
+    // A step that has no multiple within the limits leaves no place, which is said.
+    let coarse = std::fs::read_to_string(&capture).unwrap().replace("[-120.0, 40.0]", "[1.0, 2.0]");
+    std::fs::write(&capture, coarse).unwrap();
+    let none = program(["design", "leaf", &scan, "--candidates", "20"]);
+    refused(&none, 2, &["capture.toml", "limits.step_mm", "5 mm"]);
+    refused(&program(["design", "leaf", &scan, "--passes", "y"]), 2, &["--passes", "pass x"]);
     // An error that is reached asks for nothing more.
     let done = run(&["design", "leaf", &scan, "--next", "3", "--until", "0.5", "--json"]);
     let done: serde_json::Value = serde_json::from_str(&done).unwrap();
     assert!(done["chosen"].as_array().unwrap().is_empty(), "{done}");
+}
+
+/// A fit of one column has five numbers: four directions leave nothing to spare, and that is said.
+#[test]
+fn few_directions_are_warned_of() {
+    let output =
+        program(["design", "gloss", "--in", "data/tables/samples.csv", "--values", "brf_550", "--directions", "4"]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.contains("leave 0 readings to spare"), "{output:?}");
 }

@@ -53,7 +53,8 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     }
     let least = coefficients.wavelengths.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
     let step = match args.step {
-        Some(step) => positive("--step", step)?,
+        Some(step) if step >= 0.1 => positive("--step", step)?,
+        Some(step) => return Err(Error::argument("--step", step, "at least 0.1 nm")),
         None => coefficients.misfit.reach.max(least).ceil(),
     };
     let range = range_of("--range", &args.range, [200.0, 4000.0])?;

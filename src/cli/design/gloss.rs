@@ -83,7 +83,8 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         best_possible: design.problem.best_possible(count),
         ..DesignAnswer::default()
     };
-    let spare = count * (design.problem.parameters.len() - 4) - design.problem.parameters.len();
+    let parameters = design.problem.parameters.len();
+    let spare = (count * (parameters - NAMES.len())).saturating_sub(parameters);
     if spare < 4 {
         answer.notes.push(format!(
             "warning: {count} directions leave {spare} readings to spare, so the fit could not see that the lobe does \

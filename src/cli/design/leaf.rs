@@ -88,7 +88,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         let now = judged(&design.taken)?;
         answer.sets.push(row(&design, "the frames that are there", &now));
         if let Some(until) = args.until
-            && worst(&design, &problem, &now) <= until
+            && worst(&problem, &now) <= until
         {
             answer.notes.push(format!("The errors asked for ({until}) are reached: no further frame is needed."));
             answer.give(&args.io, &[&args.leaf], common)?;
@@ -126,14 +126,13 @@ fn error_ratio(problem: &DesignProblem, choice: &DesignChoice, all: &DesignChoic
 }
 
 /// The largest wanted error as a share of the median value; of the normal in radians.
-fn worst(design: &TubeDesign, problem: &DesignProblem, choice: &DesignChoice) -> f64 {
+fn worst(problem: &DesignProblem, choice: &DesignChoice) -> f64 {
     let value = |k: usize| {
         let all = problem.situations.iter().map(|s| s.values[k].abs());
         mesophyll_base::statistics::median_of(all).unwrap_or(f64::NAN)
     };
     let wanted = (0..problem.parameters.len()).filter(|k| problem.parameters[*k].wanted);
     let share = |k: usize| if k < 7 { choice.errors[k] / value(k) } else { choice.errors[k] };
-    debug_assert!(!design.wanted.is_empty());
     wanted.map(share).fold(0.0, f64::max)
 }
 
@@ -170,6 +169,9 @@ impl Args {
         }
         if let Some(wrong) = self.cameras.iter().find(|c| !(-85.0..=85.0).contains(*c)) {
             return Err(Error::Usage(format!("--cameras: found {wrong}, expected -85 to 85 degrees")));
+        }
+        if !self.passes.is_empty() && !self.passes.iter().any(|name| name == Travel::X.name()) {
+            return Err(Error::Usage("--passes: found y alone, expected x, or x,y: a capture has a pass x".into()));
         }
         let passes =
             [Travel::X, Travel::Y].into_iter().filter(|t| self.passes.iter().any(|name| name == t.name())).collect();

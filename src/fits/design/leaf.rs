@@ -151,6 +151,12 @@ pub fn of_capture(folder: &Path, options: &TubeDesignOptions, more: bool) -> Res
     planned.options = options;
     texels.iter_mut().for_each(|t| t.noise.floor /= Rgb::splat(options.exposure));
     let (places, taken) = places(manifest, options, more);
+    if places.is_empty() {
+        let what = "no place of the tube lies within the passes, or limits.x_mm and limits.y_mm, at a whole number of";
+        let step = manifest.limits.and_then(|l| l.step_mm).unwrap_or(0.0);
+        let path = folder.join("capture.toml");
+        return Err(Error::field(&path, "limits.step_mm", format!("{what} steps of {step} mm; expected a finer step")));
+    }
     let mut design = finished(planned.fitted(), places, texels, options);
     design.taken = taken;
     Ok(design)
@@ -248,12 +254,13 @@ pub fn read_places(path: &Path) -> Result<Vec<(Travel, Vec<f64>)>> {
     Ok(passes)
 }
 
-/// `count` places over a range, each at a whole number of steps.
+/// At most `count` places over a range, each at a whole number of steps; none where no such place lies in it.
 fn ramp([a, b]: [f64; 2], count: usize, step: Option<f64>) -> Vec<f64> {
     let (a, b) = (a.min(b), a.max(b));
     let at = |k: usize| a + (b - a) * k as f64 / (count.max(2) - 1) as f64;
-    let rounded = |v: f64| step.map_or(v, |s| ((v / s).round() * s).clamp((a / s).ceil() * s, (b / s).floor() * s));
-    let mut list: Vec<f64> = (0..count).map(|k| rounded(at(k))).collect();
+    let rounded = |v: f64| step.map_or(v, |s| (v / s).round() * s);
+    let within = |v: &f64| (a - 1e-9..=b + 1e-9).contains(v);
+    let mut list: Vec<f64> = (0..count).map(|k| rounded(at(k))).filter(within).collect();
     list.dedup();
     list
 }

@@ -4,7 +4,6 @@
 //! information is Σ ∂ln E ∂ln E over the frequencies (Whittle 1953). E is the density of the motion and that of the
 //! readings' noise. The density is folded at half the rate, as readings at that rate see it.
 
-use crate::branch::motion::MotionPrior;
 use mesophyll_plants::mechanics::wind::Oscillator;
 use nalgebra::DMatrix;
 use std::f64::consts::PI;
@@ -93,11 +92,6 @@ impl MotionDesign {
         [0, 1].map(|k| inverse.as_ref().map_or(f64::INFINITY, |v| v[(k, k)].max(0.0).sqrt()))
     }
 
-    /// What a fit of such a record knows beforehand.
-    pub fn prior(&self) -> MotionPrior {
-        MotionPrior { speed: self.speed_known.then_some(self.speed), noise: self.noise_mm, ..MotionPrior::default() }
-    }
-
     /// The shortest record (s) at `rate` whose damping is known to the share `until`, or `None` below `longest`.
     pub fn shortest(&self, rate: f64, until: f64, longest: f64) -> Option<f64> {
         let enough = |seconds: f64| self.errors(seconds, rate)[1] <= until;
@@ -121,7 +115,7 @@ impl MotionDesign {
 mod tests {
     use super::*;
     use crate::branch::motion::tests::stepped;
-    use crate::branch::motion::{MotionRecord, fit};
+    use crate::branch::motion::{MotionPrior, MotionRecord, fit};
     use rayon::prelude::*;
     use std::f64::consts::TAU;
 
@@ -157,7 +151,8 @@ mod tests {
             .map(|seed| {
                 let channels = vec![stepped(1.3, 2.0, 3.0, step, readings, 900 + seed)];
                 let record = MotionRecord { step, channels, ..MotionRecord::default() };
-                let found = fit(&record, &design.prior()).unwrap();
+                let known = MotionPrior { speed: Some(design.speed), ..MotionPrior::default() };
+                let found = fit(&record, &known).unwrap();
                 [(found.resonance.value / 1.3).ln(), (found.damping.value / 2.0).ln()]
             })
             .collect();
