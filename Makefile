@@ -8,6 +8,7 @@
 #   make evidence measures what docs/evidence/measured.md shows, about half an hour alone on the machine; needs Python
 #   make book    the pages of docs/ and data/ as a book, out/book/html/index.html; needs mdbook
 #   make web     the viewer as a page for browsers, out/web/; docs/web.md says how scenes get there
+#   make container builds the image of Containerfile with podman or docker, and tries it
 #   make wheel   the Python package, under target/wheels/; `pip install target/wheels/*.whl` installs it
 #   make notices lists the code and the fonts of others, docs/third-party.md; needs Python
 #   make full    the demo at the full size of a real scan (720×540, 100 frames a pass); about 2 GB of disk
@@ -15,7 +16,7 @@
 CARGO ?= cargo
 MESOPHYLL = target/release/mesophyll
 
-.PHONY: demo full test fits goldens gallery gpu evidence book web notices build wheel setup setup-test fmt lint
+.PHONY: demo full test fits goldens gallery gpu evidence book web container notices build wheel setup setup-test fmt lint
 
 # Says how the program ended and where to look, and ends with the program's exit code, which the shell has in `code`.
 # $(1) is the report.
@@ -111,6 +112,9 @@ wheel: setup
 	@[ -x $${CARGO_TARGET_DIR:-target}/python/bin/maturin ] || \
 	    { echo "No wheel: maturin, which builds it, could not be installed; the lines above say why" >&2; exit 1; }
 	$${CARGO_TARGET_DIR:-target}/python/bin/maturin build --profile installed --locked --compatibility pypi -m src/outputs/python/Cargo.toml
+
+container:
+	@.ci/container
 
 setup:
 	@.ci/setup

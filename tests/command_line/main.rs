@@ -10,6 +10,7 @@ mod claim;
 mod commands;
 #[path = "../common/mod.rs"]
 mod common;
+mod container;
 mod csv;
 mod evidence;
 mod floors;

@@ -28,7 +28,7 @@ fn python() -> Option<PathBuf> {
         if !tools.join("maturin").exists() {
             return None;
         }
-        let folder = tempfile::tempdir().unwrap();
+        let folder = crate::common::kept::kept();
         let (wheels, fresh) = (folder.path().join("wheels"), folder.path().join("fresh"));
         let mut maturin = Command::new(tools.join("maturin"));
         maturin

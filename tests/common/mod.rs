@@ -1,6 +1,7 @@
 //! Helpers for tests that run the program: running it, small synthetic captures, and places that cannot be written.
 #![allow(dead_code)]
 
+pub mod kept;
 pub mod skips;
 
 use std::path::{Path, PathBuf};

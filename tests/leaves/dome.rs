@@ -33,7 +33,7 @@ fn captured(folder: &Path, noise: f64, height_noise_mm: f64) -> PathBuf {
 fn noisy() -> &'static (tempfile::TempDir, DomeCapture, DomeMaps) {
     static ONCE: OnceLock<(tempfile::TempDir, DomeCapture, DomeMaps)> = OnceLock::new();
     ONCE.get_or_init(|| {
-        let dir = tempfile::tempdir().unwrap();
+        let dir = crate::common::kept::kept();
         let capture = DomeCapture::open(&captured(dir.path(), 0.01, 0.01)).unwrap();
         let reduced = reduce(&capture, &Default::default()).unwrap();
         (dir, capture, reduced)

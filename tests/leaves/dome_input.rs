@@ -17,7 +17,7 @@ fn synth(out: &Path, extra: &[&str]) -> std::process::Output {
 fn made() -> &'static (tempfile::TempDir, PathBuf, PathBuf) {
     static ONCE: OnceLock<(tempfile::TempDir, PathBuf, PathBuf)> = OnceLock::new();
     ONCE.get_or_init(|| {
-        let dir = tempfile::tempdir().unwrap();
+        let dir = crate::common::kept::kept();
         let (patch, whole) = (dir.path().join("patch"), dir.path().join("whole"));
         succeeded(&synth(&patch, &["--patch-mm", "12", "--patch-at", "-4,1", "--size", "80x60"]));
         succeeded(&synth(&whole, &["--size", "80x60"]));

@@ -11,7 +11,7 @@ fn clean() -> &'static Path {
     static SCAN: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     &SCAN
         .get_or_init(|| {
-            let dir = tempfile::tempdir().unwrap();
+            let dir = crate::common::kept::kept();
             let capture =
                 scan(dir.path(), "balata", &["--size", "40x30", "--frames", "40", "--noise", "0.01", "--seed", "2"]);
             (dir, capture)

@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 fn fitted() -> &'static (PathBuf, PathBuf) {
     static FIT: OnceLock<(tempfile::TempDir, (PathBuf, PathBuf))> = OnceLock::new();
     &FIT.get_or_init(|| {
-        let dir = tempfile::tempdir().unwrap();
+        let dir = crate::common::kept::kept();
         let capture = scan(dir.path(), "elm", &["--size", "48x36", "--frames", "40", "--noise", "0.01", "--seed", "3"]);
         let out = dir.path().join("fit");
         succeeded(&run(["fit", "leaf", capture.to_str().unwrap(), "-o", out.to_str().unwrap(), "--hold-out", "10"]));

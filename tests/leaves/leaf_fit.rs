@@ -12,7 +12,7 @@ fn clean_scan() -> &'static Path {
     static SCAN: OnceLock<(tempfile::TempDir, std::path::PathBuf)> = OnceLock::new();
     &SCAN
         .get_or_init(|| {
-            let dir = tempfile::tempdir().unwrap();
+            let dir = crate::common::kept::kept();
             let capture =
                 scan(dir.path(), "balata", &["--size", "48x36", "--frames", "60", "--noise", "0", "--seed", "1"]);
             (dir, capture)
@@ -25,7 +25,7 @@ pub fn small_scan() -> &'static Path {
     static SCAN: OnceLock<(tempfile::TempDir, std::path::PathBuf)> = OnceLock::new();
     &SCAN
         .get_or_init(|| {
-            let dir = tempfile::tempdir().unwrap();
+            let dir = crate::common::kept::kept();
             let capture =
                 scan(dir.path(), "elm", &["--size", "24x18", "--frames", "16", "--noise", "0.01", "--seed", "1"]);
             (dir, capture)

@@ -18,7 +18,7 @@ pub(crate) fn text(path: &Path) -> &str {
 pub(crate) fn made() -> &'static (tempfile::TempDir, PathBuf) {
     static ONCE: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     ONCE.get_or_init(|| {
-        let dir = tempfile::tempdir().unwrap();
+        let dir = crate::common::kept::kept();
         let folder = dir.path().join("photo");
         let options = ["--acquisition", "photo", "--size", "200x150", "--seed", "2"];
         succeeded(&run([&["synth", "data/leaves/elm.toml", "-o", text(&folder)], &options[..]].concat()));

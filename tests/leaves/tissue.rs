@@ -19,7 +19,7 @@ struct Set {
 const SLANTING: [&str; 6] = ["--beam", "front,90,0", "--beam", "front,50,30", "--beam", "back,50,200"];
 
 fn set(size: [&str; 2], beams: &[&str], extra: &[&str]) -> Set {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = crate::common::kept::kept();
     let folder = dir.path().join("beams");
     let mut args = vec![
         "synth",

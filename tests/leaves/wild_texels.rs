@@ -13,7 +13,7 @@ fn clean() -> &'static (PathBuf, FitRecord) {
     static CLEAN: OnceLock<(tempfile::TempDir, (PathBuf, FitRecord))> = OnceLock::new();
     &CLEAN
         .get_or_init(|| {
-            let dir = tempfile::tempdir().unwrap();
+            let dir = crate::common::kept::kept();
             let capture =
                 scan(dir.path(), "elm", &["--size", "60x45", "--frames", "40", "--noise", "0.01", "--seed", "4"]);
             let record = fit(&capture, &dir.path().join("fit"));

@@ -175,7 +175,9 @@ fn summary(record: &FitRecord) -> String {
         text.push('\n');
         for (parameter, p) in &section.params {
             let values: Vec<String> = p.value.iter().zip(&p.stderr).map(|(v, e)| plus_minus(*v, *e)).collect();
-            text += &format!("  {parameter:<10} {} {}\n", values.join("   "), p.unit);
+            let line = format!("  {parameter:<10} {} {}", values.join("   "), p.unit);
+            text += line.trim_end();
+            text.push('\n');
             for u in &p.undetermined {
                 text += &format!("  undetermined: {u}\n");
             }

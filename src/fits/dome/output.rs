@@ -65,6 +65,7 @@ pub fn write(
         previews::write(out, fitted.side, &values)?;
         let mut section = section(reduced, fitted);
         transmittance::apply(&record.faults, fitted.side.name(), &mut section);
+        section.state_depths(fitted.side.name(), &record.faults);
         section.truth = truth(capture, fitted, &values, &errors)?;
         record.sections.insert(fitted.side.name().into(), section);
         names.extend([LeafFitFile::Maps, LeafFitFile::Errors].map(|f| f.path(Path::new(""), fitted.side)));

@@ -346,6 +346,10 @@ fn section(
             undetermined: vec![],
         },
     );
+    // Residuals above the noise are no matter of the thickness.
+    if fitted.unexplained.is_none() {
+        s.state_depths(fitted.side.name(), faults);
+    }
     s
 }
 

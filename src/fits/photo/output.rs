@@ -44,6 +44,7 @@ pub fn write(
         previews::write(out, fitted.side, &values)?;
         let mut section = section(manifest, reduced, fitted);
         transmittance::apply(&record.faults, fitted.side.name(), &mut section);
+        section.state_depths(fitted.side.name(), &record.faults);
         if let Some(truth) = truth(folder, reduced, fitted.side)? {
             section.truth = judged(&truth, &fitted.status, &values, &errors);
         }

@@ -4,6 +4,7 @@
 #![warn(missing_docs)]
 
 mod consistency;
+mod depth;
 pub mod fault;
 mod kind;
 pub mod maker;
@@ -11,6 +12,7 @@ pub mod next;
 pub mod scan;
 mod seal;
 
+pub use depth::THICKNESS_FAULT;
 pub use kind::FitKind;
 
 use fault::MeasurementFault;

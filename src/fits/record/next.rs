@@ -1,10 +1,8 @@
 //! The one measurement that would help a fit most: what it would bring of the number that is known worst.
 
 use super::{FitKind, FitRecord, RecordSection};
+pub use mesophyll_optics::slab::inverse::DETERMINED;
 use serde::{Deserialize, Serialize};
-
-/// A number is determined where its standard error is at most this share of it.
-pub const DETERMINED: f64 = 0.1;
 
 /// What to measure next, and what that would bring.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

@@ -1,7 +1,7 @@
 //! False colour: a sequential and a diverging scale with evenly perceived steps, computed in OKLab (Ottosson 2020), and
 //! pictures as indexed PNG inside data URIs.
 
-use crate::model::{PictureTexels, ReportPicture};
+use crate::model::{PictureScale, PictureTexels, ReportPicture};
 use crate::values::{self, MapValues};
 use plotters::style::RGBColor;
 use std::sync::OnceLock;
@@ -88,6 +88,8 @@ pub struct MapFrame {
     pub max_width: usize,
     /// Texels that are averaged along each direction even where the map is not too wide.
     pub least_step: usize,
+    /// Edge of a texel in mm, where it is known: the picture then has a scale.
+    pub texel_mm: Option<f64>,
     /// Which values are kept beside the picture: every so-manyth texel and row, and their significant digits.
     pub kept: (usize, u32),
 }
@@ -103,7 +105,8 @@ impl MapFrame {
     }
 
     fn texels(&self) -> PictureTexels {
-        PictureTexels { columns: self.width, rows: self.height, step: self.step() }
+        let scale = self.texel_mm.and_then(|mm| PictureScale::of(self.width as f64 * mm));
+        PictureTexels { columns: self.width, rows: self.height, step: self.step(), scale }
     }
 }
 
@@ -312,7 +315,7 @@ mod tests {
 
     #[test]
     fn a_single_defect_survives_shrinking() {
-        let frame = MapFrame { width: 100, height: 10, max_width: 10, least_step: 1, kept: (1, 3) };
+        let frame = MapFrame { width: 100, height: 10, max_width: 10, least_step: 1, texel_mm: None, kept: (1, 3) };
         let with = categories(frame, &[[0; 3], [255, 0, 0]], |i| Some(usize::from(i == 555)), String::new()).unwrap();
         let without = categories(frame, &[[0; 3], [255, 0, 0]], |_| Some(0), String::new()).unwrap();
         assert_eq!((with.width, with.height), (10, 1));

@@ -139,7 +139,7 @@ pub fn side(out: &mut FitComparison, a: &ReportSideMaps, b: &ReportSideMaps, pic
         });
         let Some(detail) = pictures.filter(|_| !matches!(letter, "R" | "B")) else { continue };
         let kept = (detail.others, detail.digits);
-        let frame = MapFrame { width: wa, height: ha, max_width: detail.thumb, least_step: 1, kept };
+        let frame = MapFrame { width: wa, height: ha, max_width: detail.thumb, least_step: 1, texel_mm: None, kept };
         let words = format!("{} {} {}", a.section, quantity::symbol(name), channel_word(letter));
         let mut caption = format!("{}, {} − {}", words.trim(), out.second, out.first);
         if let Some(share) = beyond95 {

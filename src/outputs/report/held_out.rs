@@ -116,7 +116,7 @@ pub fn read(folder: &Path, record: &FitRecord, pictures: Option<ReportDetail>) -
         if let (Some(frame), Some(detail)) = (best, pictures) {
             let (width, height, least_step) = (kept.width, kept.height, detail.aside);
             let kept = (detail.others, detail.digits);
-            let size = MapFrame { width, height, max_width: WIDE, least_step, kept };
+            let size = MapFrame { width, height, max_width: WIDE, least_step, texel_mm: None, kept };
             let map = MapFrame { max_width: detail.thumb, least_step: 1, ..size };
             out.pictures.extend(drawn(side, frame, size, map));
         }

@@ -95,6 +95,7 @@
       box.setAttribute("aria-label", name);
       box.setAttribute("aria-describedby", "keys");
       this.ring = make("i", { class: "ring", hidden: "" }, box);
+      this.scale = box.querySelector(".scale");
       this.read = make("output", { class: "read", "aria-live": "off" }, box);
       const large = make("button", { class: "enlarge", type: "button", tabindex: -1, title: "Enlarge" }, box);
       large.setAttribute("aria-label", `Enlarge: ${name}`);
@@ -231,6 +232,11 @@
       for (const image of this.images) {
         image.style.transform = `translate(${100 * group.x}%, ${100 * group.y}%) scale(${group.zoom})`;
         image.classList.toggle("sharp", sharp);
+      }
+      if (this.scale) {
+        const share = this.scale.dataset.share * group.zoom;
+        this.scale.style.width = `${100 * share}%`;
+        this.scale.hidden = share > 0.9;
       }
       if (this.line) {
         this.line.style.left = `${100 * this.wiped}%`;

@@ -48,6 +48,7 @@ pub fn residuals(
             truth: None,
             good,
             notes: BTreeMap::new(),
+            texel_mm: None,
             detail,
             unjudged: None,
         };

@@ -44,7 +44,7 @@ pub(crate) fn symbol(name: &str) -> String {
 }
 
 /// Parameters that are not maps: name in `fit.toml`, symbol, meaning.
-const PARAMETERS: [(&str, &str, &str); 15] = [
+const PARAMETERS: [(&str, &str, &str); 17] = [
     ("thickness", "h", "mean thickness of the leaf, by the caliper"),
     ("sigma_s_reduced", "σs′", "scattering less what goes straight on, (1 − g) σs"),
     ("g", "g", "mean cosine of a scattering angle"),
@@ -60,6 +60,8 @@ const PARAMETERS: [(&str, &str, &str); 15] = [
     ("scale", "k", "reading of one kcd/m²"),
     ("sigma_a", "σa", "absorption"),
     ("sigma_s", "σs", "scattering"),
+    ("sigma_a_h", "σa h", "absorption through the whole leaf, whatever its thickness"),
+    ("sigma_s_h", "σs h", "scattering through the whole leaf, whatever its thickness"),
 ];
 
 /// Symbol and meaning of a parameter.

@@ -171,6 +171,7 @@ fn fit(folder: &Path, options: &Options, with_maps: bool) -> Result<FitReport> {
             continue;
         };
         side.detail = options.pictures.unwrap_or(side.detail);
+        side.texel_mm = record.options.get("texel_mm").and_then(|mm| mm.parse().ok()).filter(|mm: &f64| *mm > 0.0);
         notes::add(&mut side, &record, of);
         let mut lacking = Vec::new();
         report.maps.extend(side.rows(&mut lacking));

@@ -91,7 +91,7 @@ pub(super) fn picture(
         let decoder = png::Decoder::new(std::io::Cursor::new(&bytes));
         let reader = decoder.read_info().ok()?;
         let (width, height) = (reader.info().width as usize, reader.info().height as usize);
-        let texels = PictureTexels { columns: width, rows: height, step };
+        let texels = PictureTexels { columns: width, rows: height, step, scale: None };
         let uri = data_uri("image/png", &repacked(&bytes, step)?);
         let [width, height] = [width, height].map(|side| side.div_ceil(step));
         Some(ReportPicture { uri, width, height, alt: alt.into(), texels, values: None })

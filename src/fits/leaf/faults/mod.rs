@@ -22,6 +22,7 @@ pub use bias::TrialBias;
 use crate::Result;
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::CameraNoise;
+use crate::record::THICKNESS_FAULT;
 use crate::record::fault::{FaultGrade, MeasurementFault};
 use crate::record::scan::ScanRecord;
 use mesophyll_base::statistics::{NORMAL_MEDIAN, median_of};
@@ -119,7 +120,7 @@ pub fn thickness(what: &str, h: f64, sides: &[&str]) -> Option<MeasurementFault>
     let guess = if h > *THICKNESS_MM.end() { "µm or tenths of a mm taken for mm" } else { "cm or m taken for mm" };
     (!THICKNESS_MM.contains(&h)).then(|| {
         transmittance::fault(
-            "thickness",
+            THICKNESS_FAULT,
             FaultGrade::Wrong,
             sides,
             &["sigma_a", "sigma_s", "thickness"],

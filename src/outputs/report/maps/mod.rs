@@ -31,6 +31,8 @@ pub struct ReportSideMaps {
     pub good: Vec<bool>,
     /// Remarks on the maps of a quantity, by the quantity's name.
     pub notes: BTreeMap<&'static str, String>,
+    /// Edge of a texel in mm, where the fit states it.
+    pub texel_mm: Option<f64>,
     /// How finely the maps are drawn.
     pub detail: ReportDetail,
     /// Why the intervals of the quantities in [`SHARED`] are not judged by the truth, where that is so.
@@ -85,6 +87,7 @@ pub(crate) fn read_side(
         truth,
         good,
         notes: BTreeMap::new(),
+        texel_mm: None,
         detail: DETAILS[0],
         unjudged: None,
     })
@@ -249,7 +252,7 @@ impl ReportSideMaps {
     /// A picture, with a pixel for at least `least_step` × `least_step` texels.
     pub(super) fn frame(&self, least_step: usize) -> MapFrame {
         let (width, height) = (self.fit.width, self.fit.height);
-        MapFrame { width, height, max_width: WIDE, least_step, kept: (1, self.detail.digits) }
+        MapFrame { width, height, max_width: WIDE, least_step, texel_mm: self.texel_mm, kept: (1, self.detail.digits) }
     }
 
     /// A map with every `stride`-th value.
