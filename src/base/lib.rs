@@ -16,3 +16,4 @@ pub mod selection;
 pub mod solvers;
 pub mod statistics;
 pub mod surface;
+pub mod tone;

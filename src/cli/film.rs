@@ -1,7 +1,9 @@
 //! `mesophyll film`.
 
 use super::CommonArgs;
+use crate::cli::names::named;
 use crate::cli::{Error, Result};
+use mesophyll_base::tone::ToneCurve;
 #[cfg(feature = "render")]
 use std::path::Path;
 use std::path::PathBuf;
@@ -37,6 +39,9 @@ pub struct Args {
     /// Also write motion vectors, frame-00000.motion.exr and so on: pixels to the right and down since the frame before
     #[arg(long)]
     motion: bool,
+    /// How radiance becomes a frame (default: film where the scene has a [camera], else reinhard)
+    #[arg(long, value_parser = named::<ToneCurve>())]
+    tone: Option<ToneCurve>,
     /// Draw anew although the folder holds another film
     #[arg(long)]
     force: bool,
@@ -62,6 +67,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         fps: args.fps,
         size: args.size,
         motion: args.motion,
+        tone: args.tone,
         force: args.force,
     };
     // Everything that can be refused is refused before a fit is made.

@@ -4,6 +4,7 @@ use super::CommonArgs;
 use crate::cli::Result;
 use crate::cli::names::named;
 use mesophyll_files::claim;
+use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::path_tracing::{self, Options, PathTracedView};
 use mesophyll_scene::placed::ledger::Ledger;
@@ -14,7 +15,8 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  mesophyll render data/scenes/twig.toml -o out/twig --samples 64\n  \
      mesophyll render fits/elm -o out/elm --samples 64\n  \
      mesophyll render data/scenes/cluster.toml -o out/cluster --error 0.01\n  \
-     mesophyll render data/scenes/cluster.toml -o out/cluster --samples 1024 --resume\n\n\
+     mesophyll render data/scenes/cluster.toml -o out/cluster --samples 1024 --resume\n  \
+     mesophyll render data/scenes/breeze.toml -o out/breeze --real-time\n\n\
     Each view becomes VIEW.exr (channels R, G, B: radiance; error.R, error.G, error.B: its standard error), VIEW.png \
     (tone-mapped) and VIEW.progress.exr, from which --resume goes on. The scene's [check] gives the picture's size. \
     Fits that are missing are made first and kept in DIR/fits.")]
@@ -40,12 +42,15 @@ pub struct Args {
     /// Stop at this median relative error of the pixels, such as 0.01
     #[arg(long, value_name = "E", value_parser = positive)]
     error: Option<f64>,
-    /// How radiance becomes VIEW.png
-    #[arg(long, value_parser = named::<ToneCurve>(), default_value_t = ToneCurve::Reinhard)]
-    tone: ToneCurve,
+    /// How radiance becomes VIEW.png (default: film where the scene has a [camera], else reinhard)
+    #[arg(long, value_parser = named::<ToneCurve>())]
+    tone: Option<ToneCurve>,
     /// Go on with the pictures that an earlier run left in DIR
     #[arg(long)]
     resume: bool,
+    /// Draw by the real-time renderer instead, as `view` and `film` do: no paths, no standard errors
+    #[arg(long, conflicts_with_all = ["samples", "bounces", "seed", "error", "resume"])]
+    real_time: bool,
 }
 
 pub fn positive(text: &str) -> std::result::Result<f64, String> {
@@ -70,6 +75,9 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         resume: args.resume,
         tone: args.tone,
     };
+    if args.real_time {
+        return real_time(scene, &options, common, &ledger);
+    }
     let mut all = Vec::new();
     let ended = path_tracing::render(&scene, &options, &ledger, |drawn| {
         all.push(drawn.clone());
@@ -79,6 +87,28 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         super::print_json(&all)?;
     }
     ended.map(|()| 0)
+}
+
+/// The views by the real-time renderer.
+#[cfg(feature = "render")]
+fn real_time(mut scene: LoadedScene, options: &Options, common: &CommonArgs, ledger: &Ledger) -> Result<u8> {
+    scene.find_transfer(&options.out, ledger)?;
+    let mut all = Vec::new();
+    mesophyll_scene::real_time::render(&scene, options, ledger, |drawn| {
+        let file = options.out.join(format!("{}.png", drawn.view));
+        let line = format!("{}: drawn by {}; {}\n", drawn.view, drawn.adapter, file.display());
+        all.push(drawn.clone());
+        if common.json { Ok(()) } else { super::print(&line) }
+    })?;
+    if common.json {
+        super::print_json(&all)?;
+    }
+    Ok(0)
+}
+
+#[cfg(not(feature = "render"))]
+fn real_time(_: LoadedScene, _: &Options, _: &CommonArgs, _: &Ledger) -> Result<u8> {
+    Err(crate::cli::Error::Missed("--real-time: this build has no renderer (feature `render`)".into()))
 }
 
 /// One view in a line.

@@ -13,7 +13,7 @@ use std::path::PathBuf;
      with its\nreference; and shows a histogram and false colours. docs/window.md says more."
 )]
 pub struct Args {
-    /// Scene to open; or the folder of a leaf's fit, which is shown in sun and an even sky
+    /// Scene to open; or the folder of a leaf's fit, which is shown over a ground, in sun and sky
     #[arg(value_name = "SCENE.toml|FIT")]
     scene: PathBuf,
     /// Folder of a run, whose fits are shown; screenshots and edited fits go there (default: out/view/SCENE)
@@ -37,7 +37,11 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     use mesophyll_files::{claim, progress};
     use mesophyll_scene::manifest::SceneManifest;
     use mesophyll_scene::placed::{PlacedScene, fits::maker, leaf::LeafSearch, ledger::Ledger};
-    use mesophyll_scene::{draw::handover, loaded::LoadedScene, window::edit::SceneEditor};
+    use mesophyll_scene::{
+        draw::handover,
+        loaded::LoadedScene,
+        window::{backdrop, edit::SceneEditor},
+    };
     use mesophyll_transport::environment::Environment;
     use mesophyll_viewer::scene::Backdrop;
     use mesophyll_window::{WindowOptions, WindowScene, WindowView, open_window};
@@ -82,7 +86,7 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     let Some(first) = views.first().cloned() else {
         return Err(Error::unexpected(&manifest.path, "view", "only cards", "a perspective view to open"));
     };
-    let mut scene = handover::shown(&planned, &ledger)?;
+    let mut scene = handover::shown(&planned, manifest.display(), &ledger)?;
     if let (Some(wind), Some(time_s)) = (&mut scene.wind, first.time_s) {
         wind.time_s = time_s;
     }
@@ -91,6 +95,8 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
         let (width, height, texels) = map.texels();
         let texels = std::sync::Arc::new(texels.to_vec());
         scene.backdrop = Some(Backdrop { width: width as u32, height: height as u32, texels, turn: 0.0 });
+    } else if let Some(wall) = backdrop::behind(&scene) {
+        scene.backdrop = Some(wall);
     }
     let window = WindowScene {
         title: manifest.name.clone(),

@@ -4,6 +4,7 @@
 
 mod bands;
 mod beam;
+mod channels;
 mod coefficients;
 #[path = "../common/mod.rs"]
 mod common;

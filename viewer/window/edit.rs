@@ -117,11 +117,21 @@ impl EditQuantity {
                 let hint = "haze in the air, without a unit: 2 is very clear, 6 is hazy";
                 ("turbidity", "", [1.7, 10.0], Some(2), hint)
             }
-            Self::Exposure => {
-                ("exposure", "", [1e-3, 1e3], None, "factor on radiance before it is shown as x / (1 + x)")
-            }
+            Self::Exposure => ("exposure", "", [1e-3, 1e3], None, "factor on radiance before it is shown"),
         };
         EditScale { name, unit, range, decimals, hint }
+    }
+
+    /// What the symbol of its name stands for; empty where the name is a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Thickness => "thickness",
+            Self::SigmaA(_) => "absorption",
+            Self::SigmaS(_) => "scattering",
+            Self::RhoS => "gloss",
+            Self::M => "roughness",
+            _ => "",
+        }
     }
 
     /// Whether it is a factor on what the scene has, which starts with 1.

@@ -129,7 +129,9 @@ impl WindowStage {
                 let [width, height] = state.check_size();
                 // The reference knows no backdrop, because it lights nothing.
                 self.renderer.show_backdrop(false);
+                self.renderer.show_plain(true);
                 let picture = self.renderer.render(&state.camera(), width, height);
+                self.renderer.show_plain(false);
                 self.renderer.show_backdrop(state.view.backdrop_shown);
                 let picture = picture?;
                 state.finish_check(&self.context, &picture);

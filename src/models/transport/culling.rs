@@ -43,6 +43,31 @@ pub fn shown(world: &ReferenceWorld, cameras: &[ReferenceCamera], [width, height
     Ok(shown)
 }
 
+/// Places of the samples within a pixel, those of multisampled pictures.
+const SAMPLES: [[f64; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
+
+/// For each pixel of a picture, row by row, the share that surfaces cover.
+///
+/// # Errors
+/// As [`shown`].
+pub fn covered(world: &ReferenceWorld, camera: &ReferenceCamera, [width, height]: [usize; 2]) -> Result<Vec<f32>> {
+    world.validate()?;
+    let stage = Stage::new(world);
+    let lens = CameraRays::new(camera, width, height)?;
+    let meets = |x: usize, y: usize, [dx, dy]: [f64; 2]| {
+        f32::from(u8::from(stage.nearest(&lens.ray(x as f64 + dx, y as f64 + dy)).is_some()))
+    };
+    let pixel = |k: usize| {
+        if mesophyll_files::progress::stop_requested() {
+            return 0.0;
+        }
+        SAMPLES.iter().map(|at| meets(k % width, k / width, *at)).sum::<f32>() / SAMPLES.len() as f32
+    };
+    let shares = (0..width * height).into_par_iter().map(pixel).collect();
+    mesophyll_files::progress::go_on()?;
+    Ok(shares)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,5 +105,18 @@ mod tests {
         }
         assert_eq!(of(&world, &[down]), [false, true, true]);
         assert!(shown(&world, &[camera(above, above)], [40, 30]).is_err());
+        assert!(covered(&world, &camera(above, above), [40, 30]).is_err());
+    }
+
+    /// A square of 10 mm fills its share of the picture, in quarters of a pixel.
+    #[test]
+    fn surfaces_cover_their_share_of_the_picture() {
+        let world = plates(5.0, &[(0.0, [0.3; 2], 0.2)]);
+        let shares = |target| covered(&world, &camera(DVec3::Z * 20.0, target), [160, 120]).unwrap();
+        let sum: f32 = shares(DVec3::ZERO).iter().sum();
+        let across = 10.0 / (2.0 * 20.0 * 30f32.to_radians().tan()) * 120.0;
+        assert!((sum / (across * across) - 1.0).abs() < 0.02, "{sum} {}", across * across);
+        assert!(shares(DVec3::ZERO).iter().all(|s| (4.0 * s).fract() == 0.0));
+        assert!(shares(DVec3::Z * 40.0).iter().all(|s| *s == 0.0));
     }
 }

@@ -42,7 +42,6 @@ mod sphere_density;
 mod stage;
 #[cfg(test)]
 mod test_worlds;
-pub mod tone;
 pub mod transfer;
 pub mod visibility;
 pub mod world;
@@ -50,8 +49,9 @@ pub mod world;
 pub use crate::rays as accelerate;
 
 pub use camera::{CameraRays, ReferenceCamera};
-pub use culling::shown;
+pub use culling::{covered, shown};
 pub use dome::{DomeNode, RadianceAt, ReferenceDome};
+pub use mesophyll_base::tone;
 pub use renderer::{Options, ReferencePicture, ReferenceRenderer, render};
 pub use world::{
     NormalFrame, NormalMap, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement,

@@ -9,6 +9,7 @@ use crate::loaded::LoadedScene;
 use crate::path_tracing::{made_from, views};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
+use mesophyll_base::tone::{PictureDisplay, ToneCurve};
 use mesophyll_files::image::{self, ChannelMaps, Packing};
 use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_files::{atomic, hash, memory};
@@ -33,6 +34,8 @@ pub struct Options {
     pub size: Option<[u32; 2]>,
     /// Writes motion vectors beside every frame.
     pub motion: bool,
+    /// The curve from radiance to the frames; the scene's own when absent.
+    pub tone: Option<ToneCurve>,
     /// Whether the film replaces another film in the same folder.
     pub force: bool,
 }
@@ -118,6 +121,8 @@ pub fn film(scene: &mut LoadedScene, options: &Options, ledger: &Ledger) -> Resu
     // The transfer changes pictures too, and another version of this program may also do so.
     let between = scene.transfer.as_ref().map_or("", |t| &t.record.record_hash);
     let made_from = made_from(scene, &view)?;
+    let own = scene.manifest.display();
+    let display = PictureDisplay { curve: options.tone.unwrap_or(own.curve), ..own };
     let lawns = lawns(scene)?;
     let film = SceneFilm {
         film: scene.manifest.name.clone(),
@@ -131,6 +136,7 @@ pub fn film(scene: &mut LoadedScene, options: &Options, ledger: &Ledger) -> Resu
                 ("scene", made_from.as_str()),
                 ("transfer", between),
                 ("adapter", drawer.as_str()),
+                ("curve", display.curve.into()),
                 ("version", env!("CARGO_PKG_VERSION")),
             ]
             .into_iter()
@@ -142,7 +148,7 @@ pub fn film(scene: &mut LoadedScene, options: &Options, ledger: &Ledger) -> Resu
     // The views and the sizes of their pixels are those of the frames. For example, a wide frame may look down on a
     // lawn.
     (scene.manifest.check.width, scene.manifest.check.height) = (width, height);
-    let mut drawn = handover::shown(scene, ledger)?;
+    let mut drawn = handover::shown(scene, display, ledger)?;
     renderer.set_scene(&drawn).map_err(drawn_by)?;
     let camera = handover::camera(&view.camera);
     progress::say(format!("drawn by {} ({}, {})", adapter.name, adapter.backend, adapter.driver));
@@ -164,7 +170,7 @@ pub fn film(scene: &mut LoadedScene, options: &Options, ledger: &Ledger) -> Resu
         }
         if scene.manifest.fades() {
             scene.manifest.age(film.time(k))?;
-            drawn = handover::shown(scene, ledger)?;
+            drawn = handover::shown(scene, display, ledger)?;
             renderer.set_scene(&drawn).map_err(drawn_by)?;
         }
         if let Some(wind) = &mut drawn.wind {

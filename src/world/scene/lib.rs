@@ -16,6 +16,8 @@ pub mod manifest;
 pub mod path_tracing;
 pub mod placed;
 pub mod plan;
+#[cfg(feature = "render")]
+pub mod real_time;
 pub mod transfer;
 pub mod verdict;
 #[cfg(feature = "render")]

@@ -6,9 +6,10 @@ use crate::loaded::LoadedScene;
 use crate::manifest::PerspectiveView;
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
+use mesophyll_base::tone::{self, PictureChannels, PictureDisplay, ToneCurve};
 use mesophyll_files::{atomic, hash, image, memory, progress};
+use mesophyll_transport::ReferenceWorld;
 use mesophyll_transport::path::{DrawingOutcome, PathPicture, PathRequest, PathSettings, PathTracer, SamplingTarget};
-use mesophyll_transport::{ReferenceWorld, tone};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -31,8 +32,8 @@ pub struct Options {
     pub seed: u64,
     /// Whether an earlier run's pictures are continued.
     pub resume: bool,
-    /// The curve from radiance to the PNG.
-    pub tone: tone::ToneCurve,
+    /// The curve from radiance to the PNG; the scene's own when absent.
+    pub tone: Option<ToneCurve>,
 }
 
 /// The result for one view.
@@ -221,7 +222,7 @@ fn one(
         tell_of(picture, false)
     })?;
     picture.write(&file("exr"))?;
-    image::write_png(&file("png"), size[0], size[1], &displayed(&picture, scene, options.tone))?;
+    image::write_png(&file("png"), size[0], size[1], &displayed(&picture, scene, world, view, options)?)?;
     tell_of(&picture, progress == DrawingOutcome::Done)?;
     if picture.cut > 0 {
         progress::say(format!(
@@ -283,12 +284,24 @@ pub(crate) fn made_from(scene: &LoadedScene, view: &PerspectiveView) -> Result<S
     Ok(hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str()))))
 }
 
-/// The picture as the renderer shows it (exposure, Reinhard, sRGB), or as a camera with a film's curve.
-fn displayed(picture: &PathPicture, scene: &LoadedScene, tone: tone::ToneCurve) -> Vec<u8> {
-    let exposure = match tone {
-        tone::ToneCurve::Reinhard => scene.manifest.exposure,
-        tone::ToneCurve::Film => scene.manifest.film_exposure(),
+/// The picture as it is shown to people. Checks show it with Reinhard's curve and its channels as sRGB.
+fn displayed(
+    picture: &PathPicture,
+    scene: &LoadedScene,
+    world: &ReferenceWorld,
+    view: &PerspectiveView,
+    options: &Options,
+) -> Result<Vec<u8>> {
+    let own = scene.manifest.display();
+    let display = PictureDisplay { curve: options.tone.unwrap_or(own.curve), ..own };
+    let exposure = scene.manifest.exposure_of(display.curve);
+    let surfaces = match display.channels {
+        PictureChannels::Srgb => Vec::new(),
+        PictureChannels::Bands => mesophyll_transport::covered(world, &view.camera, [picture.width, picture.height])?,
     };
-    let byte = |v: &f32| (tone.display(f64::from(*v), exposure) * 255.0 + 0.5) as u8;
-    picture.mean.iter().flat_map(|pixel| pixel.iter().map(byte)).collect()
+    let pixel = |(k, radiance): (usize, &[f32; 3])| {
+        let surface = surfaces.get(k).map_or(1.0, |s| f64::from(*s));
+        display.display(radiance.map(f64::from), surface, exposure).map(tone::quantise)
+    };
+    Ok(picture.mean.iter().enumerate().flat_map(pixel).collect())
 }

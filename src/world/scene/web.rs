@@ -5,6 +5,7 @@ use crate::loaded::LoadedScene;
 use crate::manifest::{InteriorSource, PerspectiveView};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
+use mesophyll_base::tone::PictureDisplay;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Sides;
 use mesophyll_transport::environment::Environment;
@@ -32,7 +33,7 @@ pub fn bundle(scene: &LoadedScene, pictures: &Path, ledger: &Ledger) -> Result<B
         return Err(Error::unexpected(&manifest.path, "plant", found, expected));
     }
     let time_s = manifest.time_of(first);
-    let mut drawn = handover::shown(scene, ledger)?;
+    let mut drawn = handover::shown(scene, manifest.display(), ledger)?;
     if let Some(wind) = &mut drawn.wind {
         wind.time_s = time_s;
     }
@@ -44,8 +45,9 @@ pub fn bundle(scene: &LoadedScene, pictures: &Path, ledger: &Ledger) -> Result<B
     }
     let size = [manifest.check.width, manifest.check.height];
     let view = |v: &PerspectiveView| -> Result<BundleView> {
-        // Reference pictures have no bloom, and they show the plants at their own view's time.
-        let same = manifest.time_of(v) == time_s && drawn.bloom.is_none();
+        // Reference pictures have no bloom and are shown plainly, and they show the plants at their own view's time.
+        let plain = drawn.bloom.is_none() && drawn.display == PictureDisplay::default();
+        let same = manifest.time_of(v) == time_s && plain;
         let path = pictures.join(format!("{}-reference.png", v.name));
         let reference = if same && path.is_file() { Some(picture(&path, size)?) } else { None };
         Ok(BundleView { name: v.name.clone(), camera: handover::camera(&v.camera), size, reference })

@@ -1,7 +1,8 @@
-//! The tone map from radiance to 8-bit sRGB: exposure, Reinhard's curve for each channel, IEC 61966-2-1.
+//! The tone map from radiance to 8-bit sRGB: the map of channels, exposure, the curve for each channel, IEC 61966-2-1.
 
 use crate::gpu::Gpu;
 use crate::passes::fullscreen;
+use crate::scene::{PictureDisplay, ToneCurve};
 use crate::stats::RenderStatistics;
 
 /// The shader does the encoding, so that rounding is the same on every adapter.
@@ -10,7 +11,9 @@ pub(crate) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 pub(crate) struct TonemapPass {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
-    exposure: wgpu::Buffer,
+    shown: wgpu::Buffer,
+    exposure: f32,
+    display: PictureDisplay,
 }
 
 impl TonemapPass {
@@ -51,11 +54,30 @@ impl TonemapPass {
             None,
             Default::default(),
         );
-        TonemapPass { pipeline, layout, exposure: gpu.uniform("exposure", &[[1.0f32; 4]]) }
+        TonemapPass {
+            pipeline,
+            layout,
+            shown: gpu.uniform("display", &[[1.0f32; 4]; 4]),
+            exposure: 1.0,
+            display: PictureDisplay::default(),
+        }
     }
 
-    pub(crate) fn set_exposure(&self, gpu: &Gpu, exposure: f32) {
-        gpu.queue.write_buffer(&self.exposure, 0, bytemuck::bytes_of(&[exposure, 0.0, 0.0, 0.0]));
+    /// Sets how the pictures that follow are shown.
+    pub(crate) fn set(&mut self, gpu: &Gpu, exposure: f32, display: PictureDisplay) {
+        (self.exposure, self.display) = (exposure, display);
+        self.show(gpu, display);
+    }
+
+    /// Shows the pictures that follow as checks compare them, or as they were set.
+    pub(crate) fn plain(&self, gpu: &Gpu, plain: bool) {
+        self.show(gpu, if plain { PictureDisplay::default() } else { self.display });
+    }
+
+    fn show(&self, gpu: &Gpu, display: PictureDisplay) {
+        let film = if display.curve == ToneCurve::Film { 1.0 } else { 0.0 };
+        let [r, g, b] = display.channels.to_srgb().map(|row| row.map(|v| v as f32)).map(|[x, y, z]| [x, y, z, 0.0]);
+        gpu.queue.write_buffer(&self.shown, 0, bytemuck::bytes_of(&[[self.exposure, film, 0.0, 0.0], r, g, b]));
     }
 
     /// Binds a radiance picture.
@@ -65,7 +87,7 @@ impl TonemapPass {
             layout: &self.layout,
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(radiance) },
-                wgpu::BindGroupEntry { binding: 1, resource: self.exposure.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: self.shown.as_entire_binding() },
             ],
         })
     }

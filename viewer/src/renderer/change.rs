@@ -12,6 +12,11 @@ use crate::validation;
 use crate::variant::{Variant, shadow_layers};
 
 impl Renderer {
+    /// Shows the pictures that follow as checks compare them, or as the scene says.
+    pub fn show_plain(&mut self, plain: bool) {
+        self.tonemap.plain(&self.gpu, plain);
+    }
+
     /// Takes over a change of lights, background or exposure, with meshes, materials and instances as they were. A sun
     /// that moves makes the shadow maps be drawn again; all other changes cost nothing. A light that appears or
     /// disappears reloads the scene, because other maps are needed then.
@@ -58,7 +63,7 @@ impl Renderer {
             loaded.main.set_shares(&self.gpu, shares);
             loaded.sun_shares = scene.sun_shares.clone();
         }
-        self.tonemap.set_exposure(&self.gpu, scene.exposure);
+        self.tonemap.set(&self.gpu, scene.exposure, scene.display);
         Ok(())
     }
 

@@ -209,7 +209,7 @@ impl Renderer {
             self.loaded = None;
             return Err(error);
         }
-        self.tonemap.set_exposure(&self.gpu, scene.exposure);
+        self.tonemap.set(&self.gpu, scene.exposure, scene.display);
         self.loaded = Some(Loaded {
             meshes,
             materials,

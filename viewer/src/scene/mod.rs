@@ -56,7 +56,8 @@
 //! With `msaa` 4, coverage is sampled at (3/8, 1/8), (7/8, 3/8), (1/8, 5/8), (5/8, 7/8) of a pixel. Each leaf is shaded
 //! once, at the pixel's centre, and GL cuts a mask at the centre only. The picture averages radiance before the tone
 //! map. Other leaves do not shade the sky's light. Where nothing is hit the radiance is `Scene::background`. The
-//! picture is exposure · L, Reinhard's x/(1 + x) for each channel, sRGB encoding (IEC 61966-2-1), 8 bits.
+//! picture is exposure · L, Reinhard's x/(1 + x) for each channel, sRGB encoding (IEC 61966-2-1), 8 bits. With another
+//! `Scene::display` it has a film's curve, or the light of surfaces is mapped from their bands to sRGB first.
 
 mod leaf;
 mod light;
@@ -70,6 +71,7 @@ pub use light::{AnchorGrid, Backdrop, RadianceTransfer, Scanner, SkyDome, Sun};
 pub use mesophyll_base::surface::basis::TranslucencyBasis;
 pub use mesophyll_base::surface::gloss::Lobe;
 pub use mesophyll_base::surface::side::{Side, Sides};
+pub use mesophyll_base::tone::{PictureChannels, PictureDisplay, ToneCurve};
 pub use motion::{
     AxisPiece, PoseHierarchy, PoseLimb, SectionAnimation, SectionBinding, SectionMotion, SectionSeat, WindState,
 };
@@ -103,6 +105,8 @@ pub struct Scene {
     pub backdrop: Option<Backdrop>,
     /// The factor that radiance is multiplied by before it is displayed.
     pub exposure: f32,
+    /// The curve of the 8-bit picture, and what red, green and blue of the surfaces are there.
+    pub display: PictureDisplay,
     /// Whether everything is drawn in full detail, however small it is in the picture. It costs time, and shows what
     /// levels of detail and leaves that are left out change.
     pub in_full: bool,

@@ -145,7 +145,7 @@ impl ViewerUi {
     }
 
     fn sliders(&mut self, ui: &mut egui::Ui) {
-        ui.spacing_mut().slider_width = 110.0;
+        ui.spacing_mut().slider_width = 90.0;
         let (leaf, side) = (self.view.leaf, EditTarget::LeafSide(self.view.leaf, self.view.side));
         if !self.has_tissue(leaf) {
             ui.label(RichText::new("Its ρd and ρt are stated: there is no σa, σs or h to change.").weak());

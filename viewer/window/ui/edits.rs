@@ -4,6 +4,7 @@ use super::{Change, ViewerUi};
 use crate::edit::{Edit, EditGroup, EditQuantity, EditTarget, Edits};
 use egui::{Color32, RichText, Slider, SliderClamping};
 use mesophyll_viewer::scene::Sides;
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 /// Red, green and blue, as the sliders of σ are marked.
@@ -103,13 +104,29 @@ impl ViewerUi {
         let waits = target.group() == EditGroup::Plants;
         let mine = |e: &Edit| (e.target, e.quantity) == (target, quantity);
         let mut value = self.view.pending.filter(mine).map_or(now, |e| e.value);
+        let text = RichText::new(format!("{} {}", quantity.word(), scale.name).trim_start());
         let text = match quantity {
-            EditQuantity::SigmaA(c) | EditQuantity::SigmaS(c) => RichText::new(scale.name).color(CHANNELS[c]),
-            _ => RichText::new(scale.name),
+            EditQuantity::SigmaA(c) | EditQuantity::SigmaS(c) => text.color(CHANNELS[c]),
+            _ => text,
+        };
+        // A number that is clicked on becomes a text with few digits. While nobody changes the text, it stands for the
+        // number with all of its digits.
+        let (exact, untouched) = (value, RefCell::new(String::new()));
+        let formatter = ui.style().number_formatter.clone();
+        let format = |number: f64, decimals| {
+            let text = formatter.format(number, decimals);
+            if number == exact {
+                untouched.borrow_mut().clone_from(&text);
+            }
+            text
+        };
+        let parse = |text: &str| match text == *untouched.borrow() {
+            true => Some(exact),
+            false => text.replace('−', "-").split_whitespace().collect::<String>().parse().ok(),
         };
         let slider = Slider::new(&mut value, low..=high).logarithmic(scale.is_logarithmic()).suffix(scale.unit);
         let slider = slider.max_decimals_opt(scale.decimals).clamping(SliderClamping::Edits).text(text);
-        let slider = slider.update_while_editing(!waits);
+        let slider = slider.update_while_editing(!waits).custom_formatter(format).custom_parser(parse);
         let shown = ui.add_enabled(!sways || self.made.scene.wind.is_some(), slider).on_hover_text(scale.hint);
         self.landmark(scale.name, &shown);
         let edit = Edit { target, quantity, value };

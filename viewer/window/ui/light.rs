@@ -100,9 +100,9 @@ impl ViewerUi {
         }
         self.slider(ui, EditTarget::Light, EditQuantity::Exposure);
         if self.made.scene.backdrop.is_some() {
-            let shown = ui.checkbox(&mut self.view.backdrop_shown, "environment map behind");
+            let shown = ui.checkbox(&mut self.view.backdrop_shown, "backdrop");
             self.landmark("backdrop", &shown);
-            shown.on_hover_text("the picture of --background; it lights nothing, and checks leave it out");
+            shown.on_hover_text("what is seen behind the scene; it lights nothing, and checks leave it out");
         }
         if !self.opened.window.views.is_empty() {
             ui.horizontal_wrapped(|ui| {

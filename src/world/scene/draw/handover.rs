@@ -19,6 +19,7 @@ use crate::plan::levels;
 use crate::world::{SceneWorld, WorldInstance, WorldLights, WorldMaterial, WorldSky, WorldSurface};
 use crate::{Error, Result};
 use glam::{DMat4, DVec2, DVec3};
+use mesophyll_base::tone::PictureDisplay;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::side::Side;
 use mesophyll_sky::polynomials::FoldedPolynomials;
@@ -141,13 +142,15 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     Ok(out)
 }
 
-/// The same as a camera shows it to people: with the scene's bloom, which checks leave out.
+/// The same as it is shown to people, with the scene's bloom. Checks leave both out.
 ///
 /// # Errors
 /// As [`scene`].
-pub fn shown(of: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
-    let bloom = of.manifest.bloom.filter(|share| *share > 0.0).map(|share| share as f32);
-    Ok(viewer::Scene { bloom, ..scene(of, ledger)? })
+pub fn shown(of: &LoadedScene, display: PictureDisplay, ledger: &Ledger) -> Result<viewer::Scene> {
+    let manifest = &of.manifest;
+    let bloom = manifest.bloom.filter(|share| *share > 0.0).map(|share| share as f32);
+    let exposure = manifest.exposure_of(display.curve) as f32;
+    Ok(viewer::Scene { bloom, display, exposure, ..scene(of, ledger)? })
 }
 
 /// A blade in the renderer's precision, with its levels of detail. With `card`, the coarsest are flat, and the last is

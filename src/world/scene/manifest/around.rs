@@ -7,7 +7,7 @@ use std::path::Path;
 
 impl SceneManifest {
     /// Reads a scene file. Where `path` is the folder of a leaf's fit, the scene around this leaf is made: from both
-    /// sides, in sun and an even sky.
+    /// sides, over a ground, in sun and sky.
     ///
     /// # Errors
     /// As [`SceneManifest::read`]; [`Error::Input`] where a folder holds no fit of a leaf.
@@ -37,7 +37,10 @@ impl SceneManifest {
         let [width, height] = extent(&record).unwrap_or([100.0; 2]);
         let far = 0.5 * height.max(width) / 15f64.to_radians().sin();
         let (side, up) = (-0.6 * far, 0.8 * far);
-        let text = AROUND.replace("SIDE", &format!("{side:.3}")).replace("UP", &format!("{up:.3}"));
+        // Both eyes are above the ground, which reaches as far as it is seen.
+        let numbers = [("SIDE", side), ("UP", up), ("LOW", 2.0 * up), ("WIDE", 60.0 * far), ("GRAIN", 0.12 * far)];
+        let text =
+            numbers.iter().fold(AROUND.to_string(), |text, (word, value)| text.replace(word, &format!("{value:.3}")));
         // The name comes last, because it may hold any word.
         let text = text.replace("NAME", &toml::Value::from(name).to_string());
         SceneManifest::parse(&text, &fit.join("fit.toml"))
@@ -52,11 +55,13 @@ fn extent(record: &FitRecord) -> Option<[f64; 2]> {
     Some([number(width)? * texel_mm, number(height)? * texel_mm])
 }
 
-/// The scene around a fit.
+/// The scene around a fit: the ground, the sky and the camera of the gallery. Channels of a fit are the bands that leaves
+/// are measured in. `exposure` is for the window's check, which has no film.
 const AROUND: &str = r#"
 schema = 1
 name = NAME
-exposure = 2.0
+exposure = 0.15
+channels = "bands"
 
 [[leaf]]
 name = NAME
@@ -65,13 +70,25 @@ fit = "."
 [[instance]]
 leaf = NAME
 
+[ground]
+albedo = [0.07, 0.09, 0.04]
+height_mm = -LOW
+reach_mm = WIDE
+grain_mm = GRAIN
+contrast = 0.5
+
 [sun]
-zenith_deg = 40
-azimuth_deg = 120
-irradiance = [3.0, 2.9, 2.7]
+zenith_deg = 48
+azimuth_deg = 150
 
 [sky]
-radiance = [0.25, 0.30, 0.40]
+model = "preetham"
+turbidity = 3
+ground_albedo = [0.07, 0.09, 0.04]
+
+[camera]
+f_number = 6.7
+shutter_s = 0.008
 
 [[view]]
 name = "front"

@@ -45,6 +45,7 @@ pub use view::{
 use glam::DVec3;
 pub(crate) use mesophyll_base::error::{Error, Result};
 use mesophyll_base::error::{Fault, TomlKind};
+use mesophyll_base::tone::{PictureChannels, PictureDisplay, ToneCurve};
 use mesophyll_files::numbers;
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_files::whole_file;
@@ -71,6 +72,9 @@ pub struct SceneManifest {
     /// The factor that radiance is multiplied by before it is displayed.
     #[serde(default = "one")]
     pub exposure: f64,
+    /// What red, green and blue of the surfaces are, for pictures that are made to be looked at. Checks leave it out.
+    #[serde(default)]
+    pub channels: PictureChannels,
     /// Share of the light that a camera's lens scatters around what is bright, in films and in the window. Checks leave
     /// it out.
     pub bloom: Option<f64>,
@@ -108,7 +112,7 @@ pub struct SceneManifest {
     /// The views: cameras, and what they show.
     #[serde(rename = "view", default, deserialize_with = "read_apart")]
     pub views: Vec<SceneView>,
-    /// The camera's exposure, for pictures by `render --tone film`.
+    /// The camera's exposure, for pictures with a film's curve.
     pub camera: Option<SceneCamera>,
     /// Pictures that were taken of it, for `fit scene`.
     #[serde(default, rename = "picture")]
@@ -291,11 +295,22 @@ impl SceneManifest {
         self.physical_sky().is_some() || self.panorama().is_some()
     }
 
-    /// The factor for radiance in a picture with a film's curve. It comes from the scene's camera where there is one.
-    pub fn film_exposure(&self) -> f64 {
+    /// How the scene is shown to people, where they do not ask for another curve: with a film's curve where there is a
+    /// camera.
+    pub fn display(&self) -> PictureDisplay {
+        let curve = if self.camera.is_some() { ToneCurve::Film } else { ToneCurve::Reinhard };
+        PictureDisplay { curve, channels: self.channels }
+    }
+
+    /// The factor for radiance in a picture with this curve. That of a film comes from the scene's camera, where there
+    /// is one.
+    pub fn exposure_of(&self, curve: ToneCurve) -> f64 {
         let unit = self.physical_sky().and_then(|s| s.scale).unwrap_or(1.0);
-        // A radiance of 1 kcd/m² is `unit` scene units.
-        self.camera.map_or(self.exposure, |camera| camera.exposure() * 1e3 / unit)
+        match (curve, self.camera) {
+            // A radiance of 1 kcd/m² is `unit` scene units.
+            (ToneCurve::Film, Some(camera)) => camera.exposure() * 1e3 / unit,
+            _ => self.exposure,
+        }
     }
 
     /// Whether the sun stands in more than one place.

@@ -241,7 +241,7 @@ impl Editor for SceneEditor {
         let before = self.plants.applied();
         let LoadedScene { manifest, placed, .. } = &mut self.scene;
         self.plants.apply(edits, manifest, placed, &self.ledger).map_err(|e| e.to_string())?;
-        handover::shown(&self.scene, &self.ledger).map_err(|e| {
+        handover::shown(&self.scene, self.scene.manifest.display(), &self.ledger).map_err(|e| {
             // The window still shows the plants as they were.
             let LoadedScene { manifest, placed, .. } = &mut self.scene;
             let restored = self.plants.apply(&before, manifest, placed, &self.ledger);
