@@ -33,12 +33,14 @@ struct Constants {
     albedo: [f32; 4],
 }
 
-/// The binding of a texture in group 1, as numbered in `leaf.wgsl` and `side.wgsl`.
+/// The binding of a texture in group 1, as numbered in `leaf.wgsl`, `side.wgsl` and
+/// `opaque.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Slot {
     Mask,
     Albedo,
     Means,
+    Pattern,
     Of(Side, Map),
 }
 
@@ -60,6 +62,7 @@ impl Slot {
             Slot::Mask => 2,
             Slot::Albedo => 3,
             Slot::Means => 4,
+            Slot::Pattern => 5,
             Slot::Of(side, map) => 10 * (1 + side as u32) + map as u32,
         }
     }
@@ -75,6 +78,7 @@ impl Slot {
             Slot::Mask => return "mask".into(),
             Slot::Albedo => return "albedo table".into(),
             Slot::Means => return "lobe means".into(),
+            Slot::Pattern => return "pattern".into(),
             Slot::Of(side, map) => (side, map),
         };
         let map = match map {
@@ -92,7 +96,9 @@ impl Slot {
 
 /// The textures that a variant reads.
 fn slots(variant: &Variant) -> Vec<Slot> {
-    let Some(leaf) = variant.leaf() else { return Vec::new() };
+    let Some(leaf) = variant.leaf() else {
+        return if variant.patterned() { vec![Slot::Pattern] } else { Vec::new() };
+    };
     let mut slots = Vec::new();
     for (side, needs) in leaf.sides.iter() {
         let lit = variant.lights.any() && !needs.black;
@@ -195,7 +201,7 @@ impl Upload<'_> {
             add(mask);
         }
         match slot {
-            Slot::Mask => {}
+            Slot::Mask | Slot::Pattern => {}
             Slot::Albedo => self.tables.albedo.iter().for_each(|t| add(bytemuck::cast_slice(&t.values))),
             Slot::Means => self.tables.means.iter().for_each(|t| add(bytemuck::cast_slice(&t.texels))),
             Slot::Of(side, map) => {
@@ -237,6 +243,8 @@ impl Upload<'_> {
                 let texels = self.tables.means.as_ref()?.texels.clone();
                 return Some(table(MeanTable::COLUMNS, 2 * MeanTable::ROWS, texels));
             }
+            // Leaves have none.
+            Slot::Pattern => return None,
             Slot::Of(side, map) => (side, map),
         };
         let mask = leaf.mask.as_ref().map(|mask| match side {
@@ -282,8 +290,16 @@ impl MaterialOnGpu {
         let mut textures = Vec::new();
         let constants = match material {
             Material::Opaque(opaque) => {
-                let [r, g, b] = opaque.albedo;
-                gpu.uniform("opaque constants", &[[r, g, b, 0.0]])
+                let ([r, g, b], mut tile) = (opaque.albedo, [0.0; 4]);
+                if let Some(pattern) = opaque.pattern.as_ref().filter(|_| variant.patterned()) {
+                    let levels = maps::mip_chain(pattern.width, pattern.height, rgb(&pattern.texels), None);
+                    let new = maps::upload(gpu, "pattern", &levels);
+                    stats.upload(&format!("opaque {index} pattern"), new.bytes);
+                    textures.push(Texture { slot: Slot::Pattern, content: 0, view: new.view });
+                    let ([x, y], [wide, deep]) = (pattern.corner, pattern.size);
+                    tile = [x, y, 1.0 / wide, 1.0 / deep];
+                }
+                gpu.uniform("opaque constants", &[[r, g, b, 0.0], tile])
             }
             Material::Leaf(leaf) => {
                 let (low, high) = roughness_range(leaf);
@@ -317,7 +333,8 @@ impl MaterialOnGpu {
         };
         let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: constants.as_entire_binding() }];
         if variant.sampled() {
-            entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&samplers.maps) });
+            let sampler = if variant.patterned() { &samplers.tiles } else { &samplers.maps };
+            entries.push(wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(sampler) });
         }
         for texture in &textures {
             let resource = wgpu::BindingResource::TextureView(&texture.view);
@@ -341,6 +358,8 @@ impl MaterialOnGpu {
 pub(crate) struct Samplers {
     /// Trilinear where a map is minified, bilinear where it is magnified, and clamped at the rim.
     pub maps: wgpu::Sampler,
+    /// The same for a pattern that is laid side by side and seen at a flat angle.
+    pub tiles: wgpu::Sampler,
 }
 
 impl Samplers {
@@ -351,6 +370,16 @@ impl Samplers {
                 mag_filter: wgpu::FilterMode::Linear,
                 min_filter: wgpu::FilterMode::Linear,
                 mipmap_filter: wgpu::MipmapFilterMode::Linear,
+                ..Default::default()
+            }),
+            tiles: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("tiles"),
+                address_mode_u: wgpu::AddressMode::Repeat,
+                address_mode_v: wgpu::AddressMode::Repeat,
+                mag_filter: wgpu::FilterMode::Linear,
+                min_filter: wgpu::FilterMode::Linear,
+                mipmap_filter: wgpu::MipmapFilterMode::Linear,
+                anisotropy_clamp: 16,
                 ..Default::default()
             }),
         }

@@ -63,7 +63,10 @@ pub(crate) struct Lights {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Surface {
     Leaf(LeafSurface),
-    Opaque,
+    Opaque {
+        /// Whether a pattern takes the place of the albedo.
+        pattern: bool,
+    },
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
@@ -166,7 +169,7 @@ impl Variant {
             lights,
             surface: match &scene.materials[first.material] {
                 Material::Leaf(leaf) => Surface::Leaf(LeafSurface::new(gpu, scene, &lights, leaf)),
-                Material::Opaque(_) => Surface::Opaque,
+                Material::Opaque(opaque) => Surface::Opaque { pattern: opaque.pattern.is_some() && lights.any() },
             },
             msaa: scene.msaa,
             levels: !scene.meshes[first.mesh].details.is_empty(),
@@ -189,7 +192,7 @@ impl Variant {
     pub(crate) fn leaf(&self) -> Option<&LeafSurface> {
         match &self.surface {
             Surface::Leaf(leaf) => Some(leaf),
-            Surface::Opaque => None,
+            Surface::Opaque { .. } => None,
         }
     }
 
@@ -227,7 +230,12 @@ impl Variant {
     }
 
     pub(crate) fn sampled(&self) -> bool {
-        self.leaf().is_some_and(|l| self.lights.any() || l.mask)
+        self.patterned() || self.leaf().is_some_and(|l| self.lights.any() || l.mask)
+    }
+
+    /// Whether a pattern takes the place of an opaque surface's albedo.
+    pub(crate) fn patterned(&self) -> bool {
+        self.surface == Surface::Opaque { pattern: true }
     }
 
     /// The names and constants with which all parts of the shader are assembled.
@@ -254,7 +262,7 @@ impl Variant {
             .constant("BANDS", bands)
             .constant("ANCHOR_LEVELS", levels)
             .constant("PIECES", pieces);
-        let Some(leaf) = self.leaf() else { return defines };
+        let Some(leaf) = self.leaf() else { return defines.set("PATTERN", self.patterned()) };
         let curve = |s: &SideVariant| !s.maps && !s.black;
         defines
             .set("LEAF", true)
@@ -302,7 +310,8 @@ impl Variant {
             }
         };
         let lights = &self.lights;
-        say(self.surface == Surface::Opaque, "opaque".into());
+        say(self.leaf().is_none(), "opaque".into());
+        say(self.patterned(), "pattern".into());
         say(lights.sun, "sun".into());
         say(self.shadowed(), format!("shadow {}", lights.shadow));
         say(self.shares, "shares".into());

@@ -9,6 +9,7 @@ use mesophyll_base::tone::PictureDisplay;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_optics::side::Sides;
 use mesophyll_transport::environment::Environment;
+use mesophyll_viewer::scene as viewer;
 use mesophyll_web::bundle::{Bundle, BundleView, LeafSlabs, SideSlab, StillSections};
 use std::path::Path;
 use std::sync::Arc;
@@ -36,6 +37,12 @@ pub fn bundle(scene: &LoadedScene, pictures: &Path, ledger: &Ledger) -> Result<B
     let mut drawn = handover::shown(scene, manifest.display(), ledger)?;
     if let Some(wind) = &mut drawn.wind {
         wind.time_s = time_s;
+    }
+    // The grain of the ground would be most of the file.
+    for material in &mut drawn.materials {
+        if let viewer::Material::Opaque(opaque) = material {
+            opaque.pattern = None;
+        }
     }
     if let Some(picture) = drawn.dome.as_mut().and_then(|dome| dome.picture.as_mut()) {
         let [width, height] = [picture.width, picture.height].map(|n| n as usize);

@@ -226,7 +226,7 @@ fn source(gpu: &Gpu, scene: &Scene, grass: &Grass) -> (String, Lights) {
     let lights = Lights::of(scene);
     let variant = Variant {
         lights,
-        surface: Surface::Opaque,
+        surface: Surface::Opaque { pattern: false },
         msaa: scene.msaa,
         levels: false,
         bend: None,

@@ -31,7 +31,7 @@ fn an_opaque_shader_holds_no_leaf() {
     };
     let words = ["Place", "transmittance", "map_sampler", "texture_2d<f32>", "LeafConstants", "uv"];
     assert_eq!(leaf(&words, &lit(Surface::Leaf(LeafSurface::default()))), words.len());
-    assert_eq!(leaf(&words, &lit(Surface::Opaque)), 0);
+    assert_eq!(leaf(&words, &lit(Surface::Opaque { pattern: false })), 0);
 }
 
 /// The bent basis changes one line and adds two before it. A shader without it contains none of them.

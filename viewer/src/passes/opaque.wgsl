@@ -1,12 +1,27 @@
-// Bark and ground: diffuse surfaces of one colour that transmit nothing. The inside is black.
+// Bark and ground: diffuse surfaces that transmit nothing. The inside is black.
 
-// The reflectance.
-@group(1) @binding(0) var<uniform> albedo: vec4f;
+struct Opaque {
+    // The reflectance.
+    albedo: vec4f,
+    // Where the pattern begins in x and y of the world, and how often it is there in 1 mm.
+    tile: vec4f,
+}
+
+@group(1) @binding(0) var<uniform> opaque: Opaque;
+//#if PATTERN
+@group(1) @binding(1) var tiles: sampler;
+@group(1) @binding(5) var pattern: texture_2d<f32>;
+//#endif
 
 @fragment
 fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> @location(0) vec4f {
     var radiance = vec3f(0.0);
     //#if LIT
+    var albedo = opaque.albedo;
+    //#if PATTERN
+    let place = (in.world.xy - opaque.tile.xy) * opaque.tile.zw;
+    albedo = textureSample(pattern, tiles, vec2f(place.x, 1.0 - place.y));
+    //#endif
     let across = cross(dpdx(in.world), dpdy(in.world));
     let facing = faced(in, front_facing, across);
     if (facing.front) {

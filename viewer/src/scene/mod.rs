@@ -179,14 +179,31 @@ pub enum Material {
     Opaque(OpaqueMaterial),
 }
 
-/// Bark or ground: a diffuse surface of one colour that transmits nothing. It is seen from the side that its mesh's
-/// normals point to; its inside is black.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Bark or ground: a diffuse surface that transmits nothing. It is seen from the side that its mesh's normals point to;
+/// its inside is black.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct OpaqueMaterial {
     /// Name of the surface in printed text.
     pub name: String,
     /// Reflectance (red, green, blue), 0 to 1.
     pub albedo: [f32; 3],
+    /// A pattern that takes the place of the albedo. With `None`, the shader has no code for it.
+    pub pattern: Option<AlbedoPattern>,
+}
+
+/// A map of reflectance that is laid side by side over x and y of the world.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AlbedoPattern {
+    /// Texels along x.
+    pub width: u32,
+    /// Texels along y.
+    pub height: u32,
+    /// Reflectance, row by row; row 0 has the largest y.
+    pub texels: Arc<Vec<[f32; 3]>>,
+    /// The place in the world where the least x and y of a map lie.
+    pub corner: [f32; 2],
+    /// Lengths of the map in the world.
+    pub size: [f32; 2],
 }
 
 /// Triangles with normals, tangents and texture coordinates. All lists except the indices have an entry for each

@@ -3,7 +3,7 @@
 use super::wrong;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::scene::{Interior, LeafMaterial, Material, Mesh, Scene, SideMaps};
+use crate::scene::{AlbedoPattern, Interior, LeafMaterial, Material, Mesh, Scene, SideMaps};
 
 /// Validates material `index` of a scene.
 pub(crate) fn material(gpu: &Gpu, scene: &Scene, index: usize) -> Result<()> {
@@ -12,9 +12,29 @@ pub(crate) fn material(gpu: &Gpu, scene: &Scene, index: usize) -> Result<()> {
         Some(Material::Opaque(o)) if !o.albedo.iter().all(|v| (0.0..=1.0).contains(v)) => {
             Err(wrong(format!("opaque {index} ({}), albedo", o.name), format!("{:?}", o.albedo), "0 to 1"))
         }
-        Some(Material::Opaque(_)) => Ok(()),
+        Some(Material::Opaque(o)) => o.pattern.as_ref().map_or(Ok(()), |pattern| check_pattern(gpu, &o.name, pattern)),
         None => Err(wrong("material", index, format!("below {}", scene.materials.len()))),
     }
+}
+
+fn check_pattern(gpu: &Gpu, name: &str, pattern: &AlbedoPattern) -> Result<()> {
+    let place = |field: &str| format!("opaque {name}, pattern, {field}");
+    let AlbedoPattern { width, height, texels, corner, size } = pattern;
+    let limit = gpu.max_side();
+    if *width == 0 || *height == 0 || *width > limit || *height > limit {
+        return Err(Error::Size { what: place("texels"), width: *width, height: *height, limit });
+    }
+    let count = *width as usize * *height as usize;
+    if texels.len() != count {
+        return Err(wrong(place("texels"), texels.len(), count));
+    }
+    if let Some(bad) = texels.iter().flatten().find(|v| !(0.0..=1.0).contains(*v)) {
+        return Err(wrong(place("texels"), bad, "0 to 1"));
+    }
+    if !corner.iter().all(|v| v.is_finite()) || !size.iter().all(|v| v.is_finite() && *v > 0.0) {
+        return Err(wrong(place("size"), format!("{corner:?}, {size:?}"), "finite, and lengths above 0"));
+    }
+    Ok(())
 }
 
 fn check_leaf(gpu: &Gpu, index: usize, leaf: &LeafMaterial) -> Result<()> {

@@ -139,7 +139,7 @@ fn sections_without_a_seat_each_are_refused() {
 fn surfaces_that_do_not_turn_are_lit_as_at_rest() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = scene_of(uniform_leaf());
-    let matte = Material::Opaque(OpaqueMaterial { name: "matte".into(), albedo: [0.4, 0.5, 0.6] });
+    let matte = Material::Opaque(OpaqueMaterial { name: "matte".into(), albedo: [0.4, 0.5, 0.6], pattern: None });
     scene.materials[0] = matte;
     (scene.sun, scene.shadow_samples) = (Some(sun(Vec3::Z)), 0);
     let turn = Quat::from_rotation_y(0.6);

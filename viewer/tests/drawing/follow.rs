@@ -83,7 +83,7 @@ fn far_pictures_have_coarser_maps_with_the_same_shadows() {
 /// The same above a floor that is much larger than what casts shadows, and casts none.
 fn above_floor() -> Scene {
     let mut scene = scene();
-    let grey = Material::Opaque(OpaqueMaterial { name: "floor".into(), albedo: [0.3, 0.3, 0.3] });
+    let grey = Material::Opaque(OpaqueMaterial { name: "floor".into(), albedo: [0.3, 0.3, 0.3], pattern: None });
     let floor = scene.add(square(100.0), grey);
     scene.instances.push(Instance { transform: Mat4::from_translation(-Vec3::Z), floor: true, ..floor });
     scene

@@ -7,6 +7,7 @@ mod bend;
 mod choose;
 mod common;
 mod detail;
+mod display;
 mod dome;
 mod follow;
 mod motion;

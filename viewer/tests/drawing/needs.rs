@@ -321,7 +321,11 @@ fn a_slider_uploads_what_it_moves() {
 fn bark_needs_no_maps() {
     let Some(mut renderer) = renderer() else { return };
     let mut scene = lit(full_leaf());
-    scene.materials.push(Material::Opaque(OpaqueMaterial { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
+    scene.materials.push(Material::Opaque(OpaqueMaterial {
+        name: "bark".into(),
+        albedo: [0.3, 0.2, 0.1],
+        pattern: None,
+    }));
     let bark = Instance { material: 1, transform: Mat4::from_translation(25.0 * Vec3::X), ..scene.instances[0] };
     scene.instances.push(bark);
     draw(&mut renderer, &scene);
@@ -347,7 +351,7 @@ fn bark_looks_like_a_matte_leaf_of_one_texel() {
         SideMaps { interior: Interior::Maps { rho_d: vec![albedo], rho_t: vec![[0.0; 3]] }, ..SideMaps::black() };
     leaf.sides.back = SideMaps::black();
     let mut bark = lit(leaf.clone());
-    bark.materials = vec![Material::Opaque(OpaqueMaterial { name: "bark".into(), albedo })];
+    bark.materials = vec![Material::Opaque(OpaqueMaterial { name: "bark".into(), albedo, pattern: None })];
     for (eye, sun_from) in [(Vec3::Z, Vec3::new(-0.4, 0.3, 1.0)), (Vec3::Z, -Vec3::Z), (-Vec3::Z, -Vec3::Z)] {
         let view = camera(eye + 0.3 * Vec3::X, 60.0);
         let mut picture = |scene: &Scene| {

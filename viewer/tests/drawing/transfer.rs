@@ -170,7 +170,8 @@ fn wood_is_lit_at_its_vertices() {
     let mut mesh = square(10.0);
     let places = (0..4).map(|k| Vec3::new(k as f32, 0.0, 0.0)).collect();
     mesh.anchors = Some(AnchorGrid { grid: [1, 1], places, rows: 1, levels: 1 });
-    let wood = scene.add(mesh, Material::Opaque(OpaqueMaterial { name: "bark".into(), albedo: [0.3, 0.2, 0.1] }));
+    let wood = scene
+        .add(mesh, Material::Opaque(OpaqueMaterial { name: "bark".into(), albedo: [0.3, 0.2, 0.1], pattern: None }));
     scene.instances.push(wood);
     // Light grows from the left to the right.
     let entries = [0.5, 1.5, 1.5, 0.5].into_iter().map(|e| [e, e, e, 0.0]).collect();

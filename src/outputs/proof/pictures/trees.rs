@@ -116,7 +116,11 @@ fn scene(way: &Way) -> Result<(viewer::Scene, viewer::Camera)> {
     out.shadow_samples = 1;
     if !way.lit {
         let plain = |m: &viewer::Material| {
-            viewer::Material::Opaque(viewer::OpaqueMaterial { name: m.name().into(), albedo: [0.1, 0.2, 0.05] })
+            viewer::Material::Opaque(viewer::OpaqueMaterial {
+                name: m.name().into(),
+                albedo: [0.1, 0.2, 0.05],
+                pattern: None,
+            })
         };
         out.materials = out.materials.iter().map(plain).collect();
     }

@@ -5,7 +5,7 @@
 use super::card::LeafCard;
 use super::leaf_maps;
 use super::sections::{BarkSections, above, maps_of_sun, plants, stands};
-use super::{detail, far_wood, grass, transfer, tubes};
+use super::{detail, far_wood, grass, soil, transfer, tubes};
 use crate::loaded::LoadedScene;
 use crate::loaded::curve::curve;
 use crate::manifest::SceneManifest;
@@ -142,7 +142,7 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     Ok(out)
 }
 
-/// The same as it is shown to people, with the scene's bloom. Checks leave both out.
+/// The same as it is shown to people, with the scene's bloom and the ground's grain. Checks leave all of it out.
 ///
 /// # Errors
 /// As [`scene`].
@@ -150,7 +150,14 @@ pub fn shown(of: &LoadedScene, display: PictureDisplay, ledger: &Ledger) -> Resu
     let manifest = &of.manifest;
     let bloom = manifest.bloom.filter(|share| *share > 0.0).map(|share| share as f32);
     let exposure = manifest.exposure_of(display.curve) as f32;
-    Ok(viewer::Scene { bloom, display, exposure, ..scene(of, ledger)? })
+    let mut out = viewer::Scene { bloom, display, exposure, ..scene(of, ledger)? };
+    let ground = SceneWorld::new(of)?.ground();
+    if let (Some(viewer::Material::Opaque(soil)), Some(ground)) =
+        (ground.and_then(|k| out.materials.get_mut(k)), &manifest.ground)
+    {
+        soil.pattern = soil::pattern(ground);
+    }
+    Ok(out)
 }
 
 /// A blade in the renderer's precision, with its levels of detail. With `card`, the coarsest are flat, and the last is
@@ -209,7 +216,7 @@ fn material(manifest: &SceneManifest, surface: &WorldSurface, ledger: &Ledger) -
         WorldMaterial::Fitted(leaf, fit) => viewer::Material::Leaf(leaf_maps::fitted(manifest, leaf, fit, ledger)?),
         WorldMaterial::Stated(leaf, stated) => viewer::Material::Leaf(leaf_maps::uniform(leaf, stated)),
         WorldMaterial::Opaque { name, albedo } => {
-            viewer::Material::Opaque(viewer::OpaqueMaterial { name: name.into(), albedo: rgb(&albedo) })
+            viewer::Material::Opaque(viewer::OpaqueMaterial { name: name.into(), albedo: rgb(&albedo), pattern: None })
         }
     })
 }

@@ -1,4 +1,4 @@
-//! A ground with a grain, for the path tracer: soil, clods and old leaves of many sizes, made from noise.
+//! A ground with a grain, for pictures that are made to be looked at: soil, clods and old leaves of many sizes, made from noise.
 //!
 //! The pattern is a square tile that repeats without a seam. Its logarithm is the sum of value noise in octaves (Perlin
 //! 1985, "An image synthesizer") and of flat ellipses that represent old leaves and stones. The mean of each channel is
@@ -39,6 +39,21 @@ pub fn leaf(ground: &SceneGround, size: [f64; 2], repeated: bool) -> Option<tran
         back: transport::ReferenceSide::black(TEXELS * TEXELS),
         mask: None,
         lobe: lobe::Lobe::Beckmann,
+    })
+}
+
+/// The same pattern for the real-time renderer, at the same places; `None` where the ground has no grain.
+#[cfg(feature = "render")]
+pub fn pattern(ground: &SceneGround) -> Option<mesophyll_viewer::scene::AlbedoPattern> {
+    let (width, reach) = (ground.grain_mm? * GRAINS_A_TILE, ground.reach_mm?);
+    let [r, g, b] = albedo(ground.albedo, ground.contrast(), TEXELS);
+    let texels = (0..TEXELS * TEXELS).map(|k| [r[k], g[k], b[k]]).collect();
+    Some(mesophyll_viewer::scene::AlbedoPattern {
+        width: TEXELS as u32,
+        height: TEXELS as u32,
+        texels: std::sync::Arc::new(texels),
+        corner: [-reach as f32; 2],
+        size: [width as f32; 2],
     })
 }
 

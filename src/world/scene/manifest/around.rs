@@ -55,8 +55,8 @@ fn extent(record: &FitRecord) -> Option<[f64; 2]> {
     Some([number(width)? * texel_mm, number(height)? * texel_mm])
 }
 
-/// The scene around a fit: the ground, the sky and the camera of the gallery. Channels of a fit are the bands that leaves
-/// are measured in. `exposure` is for the window's check, which has no film.
+/// The scene around a fit: ground, sky and camera of the gallery. Channels of a fit are the bands that leaves are
+/// measured in. `exposure` is for the window's check, which has no film.
 const AROUND: &str = r#"
 schema = 1
 name = NAME

@@ -9,8 +9,8 @@ const ROWS: u32 = 64;
 /// What is shown at the floor, at the horizon and overhead: exposed radiance, before the curve.
 const LEVELS: [[f32; 3]; 3] = [[0.045, 0.045, 0.047], [0.20, 0.21, 0.22], [0.10, 0.11, 0.12]];
 
-/// The backdrop of a scene without a sky that is seen, a background or a backdrop; `None` for any other scene. It lights
-/// nothing.
+/// The backdrop of a scene without a sky that is seen, a background or a backdrop; `None` for any other scene. It
+/// lights nothing.
 pub fn behind(scene: &viewer::Scene) -> Option<viewer::Backdrop> {
     let black = scene.background == [0.0; 3] && scene.exposure > 0.0;
     if !black || scene.dome.is_some() || scene.backdrop.is_some() {

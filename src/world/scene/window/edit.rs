@@ -139,6 +139,7 @@ impl SceneEditor {
         if world.ground.is_some_and(|g| g >= world.instances.len()) {
             world.ground = None;
         }
+        reference::grain(&mut world, &self.scene);
         world.instances.extend(in_stands);
         reference::move_wood(&mut world, &self.scene.placed, time);
         stands::move_to(&mut world, &self.scene.placed, time);

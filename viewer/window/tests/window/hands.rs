@@ -178,39 +178,6 @@ fn numbers_are_typed() {
     assert_eq!(bench.thickness(), 0.2);
 }
 
-/// A number that is clicked on shows fewer digits than it has. Leaving it by Enter, by Tab or by a click elsewhere is no
-/// edit; digits that are typed are one.
-#[test]
-fn a_number_that_is_left_untouched_is_no_edit() {
-    let Some(mut bench) = bench() else { return };
-    let slider = bench.ui.landmark_rect("h").expect("slider");
-    let number = egui::pos2(slider.left() + 125.0, slider.center().y);
-    let click = |bench: &mut Bench, at: egui::Pos2| {
-        bench.frame(vec![Event::PointerMoved(at)]);
-        bench.frame(vec![Bench::button(at, true)]);
-        bench.frame(vec![Bench::button(at, false)]);
-        bench.frame(vec![]);
-    };
-    let exact = 0.234_567_890_123;
-    bench.ui.edit([crate::bench::thick(0, exact)]);
-    bench.frame(vec![]);
-    let before = bench.leaf();
-    for leave in [Key::Enter, Key::Tab, Key::Escape] {
-        click(&mut bench, number);
-        press(&mut bench, leave, Modifiers::NONE);
-        assert_eq!((bench.thickness(), bench.leaf()), (exact, before.clone()), "{leave:?}");
-    }
-    click(&mut bench, number);
-    click(&mut bench, egui::pos2(560.0, 5.0));
-    assert_eq!(bench.thickness(), exact);
-    // The same way in with a number that is typed changes it, so that the clicks above did open the field.
-    click(&mut bench, number);
-    press(&mut bench, Key::A, Modifiers::COMMAND);
-    bench.frame(vec![Event::Text("0.2346".into())]);
-    press(&mut bench, Key::Enter, Modifiers::NONE);
-    assert_eq!(bench.thickness(), 0.2346);
-}
-
 #[test]
 fn a_hint_says_the_unit() {
     let Some(mut bench) = bench() else { return };

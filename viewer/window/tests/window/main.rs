@@ -8,4 +8,5 @@ mod display;
 mod edits;
 mod hands;
 mod light;
+mod numbers;
 mod picture;
