@@ -1,5 +1,5 @@
-//! σ·h: the absorption and the scattering on the way through a whole leaf. Its spectra tell them even where nobody knows
-//! the thickness h well, because the slab holds σ and h only as their product.
+//! σ·h: the absorption and the scattering on the way through a whole leaf. Its spectra tell them even where nobody
+//! knows the thickness h well, because the slab holds σ and h only as their product.
 
 use super::fault::{FaultGrade, MeasurementFault};
 use super::{FitParameter, RecordSection};
