@@ -5,6 +5,7 @@ use crate::cli::{CommonArgs, Error, Result, names};
 use mesophyll_base::selection::{DesignChoice, evenly};
 use mesophyll_fits::branch::beam::design::BeamDesign;
 use mesophyll_fits::branch::beam::fit::PositionReference;
+use mesophyll_fits::design::search;
 use mesophyll_plants::mechanics::load::Load;
 
 /// Chooses marks on a branch that will be loaded: those that leave the smallest standard errors of its taper and of
@@ -60,7 +61,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let (count, all) = (usize::from(args.marks), design.candidates);
     let impossible = || Error::Missed("these marks do not show what is asked for".into());
     let judged = |set: &[usize]| problem.judge(set).ok_or_else(impossible);
-    let choice = problem.choose(count).ok_or_else(impossible)?;
+    let choice = search::choose(&problem, count)?.ok_or_else(impossible)?;
     // Even marks stand at equal distances, the last one at the tip.
     let even: Vec<usize> = (1..=count).map(|k| (k * all).div_ceil(count) - 1).collect();
     let set =
@@ -73,7 +74,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
             set(format!("even {count}"), &judged(&even)?),
             set(format!("chosen {count}"), &choice),
         ],
-        best_possible: problem.best_possible(count),
+        best_possible: search::best_possible(&problem, count)?,
         ..DesignAnswer::default()
     };
     let other = if args.load == Load::Tip { Load::Even } else { Load::Tip };

@@ -4,6 +4,7 @@ use super::{ChosenIo, DesignAnswer, ReadingSet, positive, range_of};
 use crate::cli::{CommonArgs, Error, Result};
 use mesophyll_base::selection::{DesignChoice, evenly};
 use mesophyll_fits::design::foliar::FoliarDesign;
+use mesophyll_fits::design::search;
 use mesophyll_fits::plates::{CONTENTS, table};
 use std::path::PathBuf;
 
@@ -76,7 +77,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let problem = design.problem();
     let impossible = || Error::input(&args.pigments, "these coefficients have no leaf that could be planned for");
     let judged = |set: &[usize]| problem.judge(set).ok_or_else(impossible);
-    let choice = problem.choose(count).ok_or_else(impossible)?;
+    let choice = search::choose(&problem, count)?.ok_or_else(impossible)?;
     let set = |name: String, choice: &DesignChoice| ReadingSet {
         name,
         errors: choice.errors[..CONTENTS.len()].to_vec(),
@@ -95,7 +96,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
             set(format!("even {count}"), &judged(&evenly(all, count))?),
             set(format!("chosen {count}"), &choice),
         ],
-        best_possible: problem.best_possible(count),
+        best_possible: search::best_possible(&problem, count)?,
         ..DesignAnswer::default()
     };
     let off: Vec<String> = CONTENTS

@@ -6,6 +6,7 @@ use mesophyll_base::selection::{DesignAim, DesignChoice, evenly};
 use mesophyll_files::progress::say;
 use mesophyll_files::table::InputTable;
 use mesophyll_fits::design::gloss::GonioDesign;
+use mesophyll_fits::design::search;
 use mesophyll_fits::gloss::samples::{self, GlossFitSettings, LobeChoice};
 use mesophyll_optics::gloss::LobeKind;
 use std::path::PathBuf;
@@ -60,7 +61,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     }
     let impossible = || Error::input(&args.input, "these directions do not show what is asked for");
     let judged = |set: &[usize]| design.problem.judge(set).ok_or_else(impossible);
-    let choice = design.problem.choose(count).ok_or_else(impossible)?;
+    let choice = search::choose(&design.problem, count)?.ok_or_else(impossible)?;
     let first = design.problem.parameters.len() - NAMES.len();
     let set = |name: String, choice: &DesignChoice| {
         let errors = choice.errors[first..].iter().zip(NAMES);
@@ -80,7 +81,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
             set(format!("every {} of them", all / count), &judged(&evenly(all, count))?),
             set(format!("chosen {count}"), &choice),
         ],
-        best_possible: design.problem.best_possible(count),
+        best_possible: search::best_possible(&design.problem, count)?,
         ..DesignAnswer::default()
     };
     let parameters = design.problem.parameters.len();

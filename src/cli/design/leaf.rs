@@ -5,6 +5,7 @@ use crate::cli::fit::gloss::LobeArgs;
 use crate::cli::{CommonArgs, Error, Result};
 use mesophyll_base::selection::{DesignChoice, DesignProblem};
 use mesophyll_fits::design::leaf::{TexelRange, TubeDesignOptions, of_capture, of_specification};
+use mesophyll_fits::design::search;
 use mesophyll_fits::design::tube::{TexelQuantity, TubeDesign};
 use mesophyll_optics::gloss::LobeKind;
 use mesophyll_optics::tube::Travel;
@@ -37,7 +38,7 @@ pub struct Args {
     #[arg(long = "for", value_name = "NAME,…", value_delimiter = ',', default_value = "rho_d,rho_s,m,normal")]
     wanted: Vec<String>,
     /// Places a pass that are looked at [default: a capture's own frames; 100 for a specification or with --next]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(8..=2000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(8..=10_000))]
     candidates: Option<u16>,
     /// Passes that may be made, by comma [default: all that there are]
     #[arg(long, value_name = "x,y", value_delimiter = ',', value_parser = ["x", "y"])]
@@ -97,13 +98,13 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     } else {
         answer.sets.push(row(&design, "even", &judged(&design.evenly(count))?));
     }
-    let choice = design.choose(&problem, count).ok_or_else(|| args.impossible())?;
+    let choice = design.choose(&problem, count)?.ok_or_else(|| args.impossible())?;
     answer.sets.push(row(&design, "chosen", &choice));
-    answer.best_possible = problem.best_possible(choice.chosen.len());
+    answer.best_possible = search::best_possible(&problem, choice.chosen.len())?;
     for (camera_deg, exposure, name) in args.others() {
         let other = planned(&TubeDesignOptions { camera_deg, exposure, ..options.clone() })?;
         let found = other.problem();
-        if let Some(choice) = other.choose(&found, count) {
+        if let Some(choice) = other.choose(&found, count)? {
             let share = error_ratio(&problem, &choice, &problem.judge(&all).ok_or_else(|| args.impossible())?);
             answer.sets.push(ReadingSet { ratio: share, ..row(&other, &name, &choice) });
         }

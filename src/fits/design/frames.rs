@@ -5,6 +5,7 @@ use super::tube::{DesignTexel, GlossFitTruth, TexelQuantity, TubeDesign};
 use crate::gloss::GlossFitDevice;
 use crate::leaf::interior::LeafSideFit;
 use crate::leaf::noise::CameraNoise;
+use crate::leaf::texels;
 use crate::record::next::{DETERMINED, NextMeasurement};
 use mesophyll_base::selection::{DesignChoice, DesignProblem};
 use mesophyll_base::statistics::median_of;
@@ -18,13 +19,16 @@ const TEXELS: usize = 16;
 const MORE: [usize; 8] = [4, 8, 12, 16, 24, 36, 60, 100];
 
 /// The fewest further frames that bring the median texel's m and ρs to 10 %, or what a hundred would bring. `None`
-/// where they are determined, and where no texel can be planned for.
+/// where they are determined, by the fit's own errors, and where no texel can be planned for.
 pub fn next(
     capture: &TubeCapture,
     device: &GlossFitDevice,
     level: &CameraNoise,
     sides: &[LeafSideFit],
 ) -> Option<NextMeasurement> {
+    if sides.iter().all(is_determined) {
+        return None;
+    }
     let options =
         TubeDesignOptions { lobe: device.lobe, ..TubeDesignOptions::of(vec![TexelQuantity::RhoS, TexelQuantity::M]) };
     let texels: Vec<DesignTexel> = sides.iter().flat_map(|side| of_side(capture, level, side)).collect();
@@ -41,7 +45,7 @@ pub fn next(
     }
     let mut best = None;
     for more in MORE {
-        let choice = design.choose(&problem, design.taken.len() + more)?;
+        let choice = design.choose(&problem, design.taken.len() + more).ok()??;
         let (_, then) = worst(&problem, &choice)?;
         let done = then <= DETERMINED;
         best = Some((more, choice, then));
@@ -57,6 +61,18 @@ pub fn next(
         100.0 * then
     );
     Some(NextMeasurement { quantity, error_now: now, error_then: then, sentence })
+}
+
+/// Whether the fit's own errors say that ρs and m of the side's median texel are determined. Only where they do not, the
+/// light of further frames is worth computing.
+fn is_determined(side: &LeafSideFit) -> bool {
+    let median = |plane: &[f32]| median_of(side.texels.iter().filter_map(|t| plane.get(t.at)).map(|v| f64::from(*v)));
+    let known = |quantity: Quantity, c: usize| {
+        let value = side.maps.get(&quantity.channel(c)).and_then(median);
+        let error = median(texels::error(&side.maps, quantity, c));
+        value.zip(error).is_some_and(|(value, error)| error <= DETERMINED * value.abs())
+    };
+    (0..3).all(|c| known(Quantity::RhoS, c)) && known(Quantity::M, 0)
 }
 
 /// The worst of m and of ρs in its channels, with its error as a share of the median value.

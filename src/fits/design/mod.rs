@@ -4,4 +4,5 @@ pub mod foliar;
 pub(crate) mod frames;
 pub mod gloss;
 pub mod leaf;
+pub mod search;
 pub mod tube;

@@ -1,8 +1,11 @@
 //! Positions of a linear light source: which of them tell most about a leaf's texels.
 
+use super::search;
+use crate::Result;
 use crate::gloss::{GlossFitDevice, GlossTexelFitter, ReadingNoise, RobustWeighting, normal_of, normal_slopes};
 use mesophyll_base::selection::{DesignAim, DesignChoice, DesignParameter, DesignProblem, DesignSituation};
 use mesophyll_base::statistics::median_of;
+use mesophyll_files::progress::TaskProgress;
 use mesophyll_optics::gloss::{Lobe, LobeKind, dot};
 use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 use rayon::prelude::*;
@@ -90,10 +93,12 @@ impl TubeDesign {
         let wanted = |k: usize| self.wanted.iter().any(|q| q.indices().contains(&k)) && (k < 8 || both);
         let name = |k: usize| TexelQuantity::iter().find(|q| q.indices().contains(&k)).map_or("", Into::into);
         let parameter = |k: usize| DesignParameter { name: name(k).into(), known: KNOWN[k], wanted: wanted(k) };
+        let bar = TaskProgress::new(format!("light at {} places", self.places.len()), self.texels.len() as u64);
+        let situation = |texel: &DesignTexel| (self.situation(texel), bar.advance(1)).0;
         let mut problem = DesignProblem {
             aim: DesignAim::Parameters,
             parameters: (0..PARAMETERS).map(parameter).collect(),
-            situations: self.texels.par_iter().map(|texel| self.situation(texel)).collect(),
+            situations: self.texels.par_iter().map(situation).collect(),
             taken: self.taken.clone(),
         };
         if !both {
@@ -130,22 +135,25 @@ impl TubeDesign {
     }
 
     /// The best `count` places. A capture needs at least eight frames a pass, so a pass gets none or that many.
-    pub fn choose(&self, problem: &DesignProblem, count: usize) -> Option<DesignChoice> {
-        let free = problem.choose(count)?;
+    ///
+    /// # Errors
+    /// A stop that was asked for.
+    pub fn choose(&self, problem: &DesignProblem, count: usize) -> Result<Option<DesignChoice>> {
+        let Some(free) = search::choose(problem, count)? else { return Ok(None) };
         let too_few = |pass: &Travel| {
             let frames = self.of(&free.chosen, *pass).len();
             // A capture may lack pass y, but not pass x.
             frames < LEAST_FRAMES && (frames > 0 || *pass == Travel::X)
         };
         // The pass with too few gets the eight best beside what it has, and the other one the rest.
-        let Some(few) = self.passes().into_iter().find(too_few) else { return Some(free) };
+        let Some(few) = self.passes().into_iter().find(too_few) else { return Ok(Some(free)) };
         let mut with = problem.clone();
         while self.of(&with.taken, few).len() < LEAST_FRAMES {
             let next = free.chosen.iter().copied().filter(|k| self.places[*k].pass == few && !with.taken.contains(k));
-            let next = next.chain(self.spread(few)).find(|k| !with.taken.contains(k))?;
+            let Some(next) = next.chain(self.spread(few)).find(|k| !with.taken.contains(k)) else { return Ok(None) };
             with.taken.push(next);
         }
-        with.choose(count.max(with.taken.len()))
+        search::choose(&with, count.max(with.taken.len()))
     }
 
     /// Places of a pass from coarse to fine.
@@ -250,7 +258,7 @@ mod tests {
     fn planned_errors_are_the_scatter_of_fits() {
         let design = planned(&LEAF[..2], &[TexelQuantity::RhoS, TexelQuantity::M, TexelQuantity::Normal]);
         let problem = design.problem();
-        let choice = design.choose(&problem, 25).unwrap();
+        let choice = design.choose(&problem, 25).unwrap().unwrap();
         let at = |pass| design.of(&choice.chosen, pass).into_iter().map(|k| design.places[k].position_mm).collect();
         let (x, y): (Vec<f64>, Vec<f64>) = (at(Travel::X), at(Travel::Y));
         assert!(x.len() >= 8 && y.len() >= 8 && x.len() + y.len() == 25, "{} {}", x.len(), y.len());
@@ -280,7 +288,8 @@ mod tests {
     fn chosen_frames_beat_even_ones_and_no_set_beats_the_bound() {
         let design = planned(&LEAF, &[TexelQuantity::RhoS, TexelQuantity::M, TexelQuantity::Normal]);
         let problem = design.problem();
-        let (chosen, even) = (design.choose(&problem, 25).unwrap(), problem.judge(&design.evenly(25)).unwrap());
+        let (chosen, even) =
+            (design.choose(&problem, 25).unwrap().unwrap(), problem.judge(&design.evenly(25)).unwrap());
         let bound = problem.best_possible(25).unwrap();
         assert!(chosen.ratio < 0.8 * even.ratio, "{} {}", chosen.ratio, even.ratio);
         assert!(bound <= chosen.ratio && chosen.ratio < 1.1 * bound, "{} {bound}", chosen.ratio);

@@ -11,6 +11,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod covariance;
+pub mod design;
 mod judge;
 mod mapped;
 mod photographs;

@@ -37,6 +37,8 @@ pub struct ScenePhotograph {
     pub uses: Vec<PixelUse>,
     /// Name of its unknown factor.
     pub exposure: Option<String>,
+    /// Zenith angle and azimuth of its sun (degrees), where that is not the scene's.
+    pub sun_deg: Option<[f64; 2]>,
     /// Number of pixels that were left out because they are saturated.
     pub saturated: usize,
 }
@@ -142,6 +144,7 @@ fn reflectances(manifest: &SceneManifest, k: usize, factors: &StatedFactors) -> 
         noise: factors.noise.unwrap_or(0.0),
         floor: 0.0,
         exposure: None,
+        sun_deg: None,
         saturated: 0,
     })
 }
@@ -213,15 +216,7 @@ fn one(
         ));
         (0..seen.len()).filter(|i| full(*i)).for_each(|i| uses[i] = PixelUse::Out);
     }
-    // A picture of few pixels has none to spare.
-    let large = seen.len() >= 100;
-    for (i, own) in uses.iter_mut().enumerate().filter(|(_, own)| **own == PixelUse::Fitted) {
-        // A number without order, so that held-out pixels lie everywhere.
-        let mixed = (i as u64 ^ (k as u64) << 32).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
-        if taken.held_out || large && mixed.is_multiple_of(HELD) {
-            *own = PixelUse::Held;
-        }
-    }
+    hold_back(&mut uses, k, taken.held_out);
     Ok(ScenePhotograph {
         name: taken.view.clone(),
         by: ReadingKind::Camera(camera),
@@ -232,8 +227,22 @@ fn one(
         floor: taken.noise_floor.unwrap_or(0.0),
         uses,
         exposure: taken.exposure.clone(),
+        sun_deg: taken.sun_deg,
         saturated,
     })
+}
+
+/// Keeps some pixels of picture `k` from the fit, or `all` of them.
+pub fn hold_back(uses: &mut [PixelUse], k: usize, all: bool) {
+    // A picture of few pixels has none to spare.
+    let large = uses.len() >= 100;
+    for (i, own) in uses.iter_mut().enumerate().filter(|(_, own)| **own == PixelUse::Fitted) {
+        // A number without order, so that held-out pixels lie everywhere.
+        let mixed = (i as u64 ^ (k as u64) << 32).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
+        if all || large && mixed.is_multiple_of(HELD) {
+            *own = PixelUse::Held;
+        }
+    }
 }
 
 /// A linear picture, with all channels.

@@ -5,7 +5,7 @@ use crate::photographs::{PixelUse, ReadingKind, ScenePhotograph};
 use crate::quantity::UnknownKind;
 use crate::unknowns::SceneUnknowns;
 use mesophyll_transport::path::slopes::{DerivativePicture, DerivativeTracer, RadianceParameter};
-use mesophyll_transport::path::{Canopy, MOST_PATHS, PathTracer};
+use mesophyll_transport::path::{Canopy, MOST_PATHS, PathSettings, PathTracer};
 use mesophyll_transport::world::ReferenceWorld;
 
 /// Rounds of each of the two pictures with derivatives, from whose scatter the noise of a pixel is estimated; the
@@ -19,21 +19,55 @@ const LEAST: f64 = 1e-3;
 /// Paths of a direction of a canopy, for each path of a pixel.
 const A_DIRECTION: u32 = 256;
 
-/// Pictures and derivatives of the shots that `wanted` chooses, from rounds of `each` paths a pixel.
+/// The scene under one of the suns that its pictures were taken under.
+pub struct LitScene<'a> {
+    sun_deg: Option<[f64; 2]>,
+    tracer: PathTracer<'a>,
+    /// What it is differentiated by, each with the index of its unknown; the same list under every sun.
+    pub slopes: Vec<(usize, RadianceParameter)>,
+}
+
+/// The worlds with the present numbers under every sun of the shots.
+pub fn worlds(numbers: &SceneUnknowns, shots: &[ScenePhotograph]) -> Result<Vec<(Option<[f64; 2]>, ReferenceWorld)>> {
+    let mut suns: Vec<Option<[f64; 2]>> = Vec::new();
+    for shot in shots {
+        if !suns.contains(&shot.sun_deg) {
+            suns.push(shot.sun_deg);
+        }
+    }
+    suns.into_iter().map(|sun| Ok((sun, numbers.world(sun)?))).collect()
+}
+
+impl<'a> LitScene<'a> {
+    /// The scene under every sun.
+    pub fn all(numbers: &SceneUnknowns, worlds: &'a [(Option<[f64; 2]>, ReferenceWorld)]) -> Result<Vec<LitScene<'a>>> {
+        let one = |(sun_deg, world): &'a (Option<[f64; 2]>, ReferenceWorld)| {
+            let tracer = PathTracer::new(world, PathSettings::default())?;
+            Ok(LitScene { sun_deg: *sun_deg, tracer, slopes: numbers.slopes(*sun_deg)? })
+        };
+        worlds.iter().map(one).collect()
+    }
+}
+
+/// Pictures of the shots that `wanted` chooses, with derivatives where they are asked for, from rounds of `each` paths a
+/// pixel.
 pub fn draw(
-    tracer: &PathTracer,
+    lit: &[LitScene],
     shots: &[ScenePhotograph],
     wanted: impl Fn(&ScenePhotograph) -> bool,
-    of: &[RadianceParameter],
+    sloped: bool,
     [rounds, each]: [u32; 2],
     seed: u64,
 ) -> Result<Vec<DerivativePicture>> {
-    let slopes = DerivativeTracer::new(tracer, of);
-    let one = |(k, shot): (usize, &ScenePhotograph)| match wanted(shot) {
-        true => shot_of(tracer.world(), &slopes, of, shot, [rounds, each], seed ^ (k as u64) << 40),
-        false => Ok(DerivativePicture::default()),
-    };
-    shots.iter().enumerate().map(one).collect()
+    let mut out = vec![DerivativePicture::default(); shots.len()];
+    for scene in lit {
+        let of: Vec<RadianceParameter> = scene.slopes.iter().filter(|_| sloped).map(|(_, of)| of.clone()).collect();
+        let slopes = DerivativeTracer::new(&scene.tracer, &of);
+        for (k, shot) in shots.iter().enumerate().filter(|(_, s)| s.sun_deg == scene.sun_deg && wanted(s)) {
+            out[k] = shot_of(scene.tracer.world(), &slopes, &of, shot, [rounds, each], seed ^ (k as u64) << 40)?;
+        }
+    }
+    Ok(out)
 }
 
 /// A picture, or reflectance factors.
@@ -51,6 +85,38 @@ fn shot_of(
             let canopy = Canopy::new(world, seed).map_err(crate::Error::Missed)?;
             let each = each.saturating_mul(A_DIRECTION).min(MOST_PATHS);
             DerivativeTracer::new(canopy.tracer(), of).factors(&canopy, toward, [rounds, each], seed)
+        }
+    }
+}
+
+/// How readings of a shot depend on the numbers, by two pictures of their own paths.
+pub struct ShotSlopes<'a> {
+    /// The numbers.
+    pub numbers: &'a SceneUnknowns,
+    /// The shot.
+    pub shot: &'a ScenePhotograph,
+    /// What the pictures are differentiated by, each with the index of its unknown.
+    pub of: &'a [(usize, RadianceParameter)],
+    /// The pictures.
+    pub pictures: [&'a DerivativePicture; 2],
+}
+
+impl ShotSlopes<'_> {
+    /// Puts the derivatives of channel `c` of pixel `k` into `row`: the place of a number, and its derivative by either
+    /// picture. `first` has the place of each unknown's first number.
+    pub fn row(&self, first: &[usize], k: usize, c: usize, row: &mut Vec<(usize, f64, f64)>) {
+        let factor = exposure(self.numbers, self.shot);
+        row.clear();
+        for (j, (q, _)) in self.of.iter().enumerate() {
+            let number = first[*q] + if self.numbers.list[*q].at.len() > 1 { c } else { 0 };
+            let [p, q] = self.pictures.map(|sheet| factor * sheet.slopes[k * self.of.len() + j][c]);
+            if p != 0.0 || q != 0.0 {
+                row.push((number, p, q));
+            }
+        }
+        if let Some(q) = exposure_of(self.numbers, self.shot) {
+            let [p, u] = self.pictures.map(|sheet| sheet.mean[k][c]);
+            row.push((first[q], p, u));
         }
     }
 }

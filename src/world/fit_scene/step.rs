@@ -84,7 +84,7 @@ fn sums(numbers: &SceneUnknowns) -> Vec<[usize; 2]> {
 }
 
 /// ρd and ρt of a side are at most 1 together: what both are too large by is taken from both.
-fn keep_energy(numbers: &SceneUnknowns, values: &mut [f64]) {
+pub fn keep_energy(numbers: &SceneUnknowns, values: &mut [f64]) {
     for [d, t] in sums(numbers) {
         let sum = values[d] + values[t];
         if sum > 1.0 {

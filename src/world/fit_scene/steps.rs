@@ -12,15 +12,14 @@
 
 use crate::covariance::{covariance, unit};
 use crate::photographs::{PixelUse, ScenePhotograph};
-use crate::pictures::{draw, exposure, exposure_of, is_fitted, rounds, variances};
+use crate::pictures::{LitScene, ShotSlopes, draw, exposure, is_fitted, rounds, variances, worlds};
 use crate::step::{moved, step};
 use crate::unknowns::SceneUnknowns;
 use crate::{Options, Result, processor};
 use mesophyll_base::solvers::{Termination, TraceRow};
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::progress::{self, TaskProgress};
-use mesophyll_transport::path::slopes::{DerivativePicture, RadianceParameter};
-use mesophyll_transport::path::{PathSettings, PathTracer};
+use mesophyll_transport::path::slopes::DerivativePicture;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -30,7 +29,7 @@ const PATHS: u32 = 16;
 /// Most steps.
 const STEPS: usize = 24;
 /// The pictures' own noise is to be at most this share of the measurement's.
-const OWN: f64 = 1.0 / 3.0;
+pub const OWN: f64 = 1.0 / 3.0;
 /// Two estimates from paths of their own differ by twice their variance; a mean square of steps over variances up to
 /// this is no more than that.
 const NOISE_ALONE: f64 = 3.0;
@@ -210,15 +209,14 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
 
 fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: u64) -> Result<SceneNormal> {
     let (first, n) = numbers.places();
-    let slopes = numbers.slopes()?;
-    let of: Vec<RadianceParameter> = slopes.iter().map(|(_, of)| of.clone()).collect();
     let [rounds, each] = rounds(paths);
-    let world = numbers.world()?;
-    let tracer = PathTracer::new(&world, PathSettings::default())?;
+    let worlds = worlds(numbers, shots)?;
+    let lit = LitScene::all(numbers, &worlds)?;
+    let slopes = lit.first().map_or(&[][..], |scene| &scene.slopes);
     let (a, one, two) = (
-        draw(&tracer, shots, is_fitted, &[], [2 * rounds, each], seed)?,
-        draw(&tracer, shots, is_fitted, &of, [rounds, each], seed + 1)?,
-        draw(&tracer, shots, is_fitted, &of, [rounds, each], seed + 2)?,
+        draw(&lit, shots, is_fitted, false, [2 * rounds, each], seed)?,
+        draw(&lit, shots, is_fitted, true, [rounds, each], seed + 1)?,
+        draw(&lit, shots, is_fitted, true, [rounds, each], seed + 2)?,
     );
     let compared = compared(numbers, shots, is_fitted, &a, [&one, &two], rounds);
     let fitted = || compared.iter().filter(|c| c.of == PixelUse::Fitted);
@@ -231,20 +229,9 @@ fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: 
     let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
     let mut by = Vec::new();
     for (place, reading) in compared.iter().enumerate() {
-        let ([s, k, c], shot) = (reading.at, &shots[reading.at[0]]);
-        let factor = exposure(numbers, shot);
-        row.clear();
-        for (j, (q, _)) in slopes.iter().enumerate() {
-            let number = first[*q] + if numbers.list[*q].at.len() > 1 { c } else { 0 };
-            let slope = |sheet: &DerivativePicture| factor * sheet.slopes[k * of.len() + j][c];
-            let (p, q) = (slope(&one[s]), slope(&two[s]));
-            if p != 0.0 || q != 0.0 {
-                row.push((number, p, q));
-            }
-        }
-        if let Some(q) = exposure_of(numbers, shot) {
-            row.push((first[q], one[s].mean[k][c], two[s].mean[k][c]));
-        }
+        let [s, k, c] = reading.at;
+        let shot = ShotSlopes { numbers, shot: &shots[s], of: slopes, pictures: [&one[s], &two[s]] };
+        shot.row(&first, k, c, &mut row);
         by.extend(row.iter().map(|(number, p, q)| (place, *number, 0.5 * (p + q))));
         if reading.of != PixelUse::Fitted {
             continue;
@@ -299,11 +286,11 @@ fn held_out(
 ) -> Result<Vec<ReadingComparison>> {
     let all = |shot: &ScenePhotograph| !is_fitted(shot);
     let [rounds, each] = rounds(paths);
-    let world = numbers.world()?;
-    let tracer = PathTracer::new(&world, PathSettings::default())?;
-    let shown = draw(&tracer, shots, all, &[], [2 * rounds, each], seed)?;
-    let one = draw(&tracer, shots, all, &[], [rounds, each], seed + 7)?;
-    let two = draw(&tracer, shots, all, &[], [rounds, each], seed + 8)?;
+    let worlds = worlds(numbers, shots)?;
+    let lit = LitScene::all(numbers, &worlds)?;
+    let shown = draw(&lit, shots, all, false, [2 * rounds, each], seed)?;
+    let one = draw(&lit, shots, all, false, [rounds, each], seed + 7)?;
+    let two = draw(&lit, shots, all, false, [rounds, each], seed + 8)?;
     Ok(compared(numbers, shots, all, &shown, [&one, &two], rounds))
 }
 

@@ -47,11 +47,11 @@ fn agree(leaf: &str, unknown: &str, names: &[&str]) {
     let mut numbers = SceneUnknowns::new(&scene, world, &[], &Ledger::new()).unwrap();
     assert_eq!(numbers.list.iter().map(|q| q.name.as_str()).collect::<Vec<_>>(), names);
     let camera: ReferenceCamera = scene.manifest.perspectives().next().unwrap().camera;
-    let slopes = numbers.slopes().unwrap();
+    let slopes = numbers.slopes(None).unwrap();
     let of: Vec<_> = slopes.iter().map(|(_, of)| of.clone()).collect();
     const SEEDS: usize = 6;
     let seen = |numbers: &SceneUnknowns| {
-        let world = numbers.world().unwrap();
+        let world = numbers.world(None).unwrap();
         let tracer = PathTracer::new(&world, PathSettings::default()).unwrap();
         let drawn = DerivativeTracer::new(&tracer, &of);
         let mean = |seed: usize| {

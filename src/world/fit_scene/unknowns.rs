@@ -144,9 +144,9 @@ impl SceneUnknowns {
         self.list.iter().find(|q| q.kind == *kind)
     }
 
-    /// The manifest with the present numbers of light.
-    fn lit(&self, turbidity: Option<f64>) -> SceneManifest {
-        let mut out = self.manifest.clone();
+    /// The manifest with the present numbers of light, and the sun where it is asked for.
+    fn lit(&self, sun_deg: Option<[f64; 2]>, turbidity: Option<f64>) -> SceneManifest {
+        let mut out = self.manifest.with_sun(sun_deg);
         let three = |q: &UnknownQuantity| [q.at[0], q.at[1], q.at[2]];
         if let (Some(sun), Some(q)) = (&mut out.sun, self.find(&UnknownKind::Sun)) {
             sun.light = SunLight::Stated(three(q));
@@ -182,12 +182,12 @@ impl SceneUnknowns {
         Ok(out)
     }
 
-    /// The world with the present numbers.
+    /// The world with the present numbers, and the sun at a zenith angle and an azimuth (degrees) where these are given.
     ///
     /// # Errors
     /// Those of a physical sky that its model refuses.
-    pub fn world(&self) -> Result<ReferenceWorld> {
-        let lights = self.lights(&self.lit(None))?;
+    pub fn world(&self, sun_deg: Option<[f64; 2]>) -> Result<ReferenceWorld> {
+        let lights = self.lights(&self.lit(sun_deg, None))?;
         let mut out = self.world.clone();
         (out.sun, out.sky, out.dome, out.environment) = (lights.sun, lights.sky, lights.dome, lights.environment);
         for q in &self.list {
@@ -225,12 +225,12 @@ impl SceneUnknowns {
         }
     }
 
-    /// What pictures of the world are differentiated by, each with the index of its unknown. An exposure has none, and
-    /// an unknown of two sides has two.
+    /// What pictures of the world under this sun are differentiated by, each with the index of its unknown. An exposure
+    /// has none, and an unknown of two sides has two.
     ///
     /// # Errors
     /// Those of a physical sky that its model refuses.
-    pub fn slopes(&self) -> Result<Vec<(usize, RadianceParameter)>> {
+    pub fn slopes(&self, sun_deg: Option<[f64; 2]>) -> Result<Vec<(usize, RadianceParameter)>> {
         let mut out = Vec::new();
         for (k, q) in self.list.iter().enumerate() {
             let of = match &q.kind {
@@ -245,7 +245,7 @@ impl SceneUnknowns {
                 UnknownKind::Slope(leaf) => RadianceParameter::Slope(*leaf),
                 UnknownKind::Sun => RadianceParameter::Light { sky: None, sun: [1.0; 3] },
                 UnknownKind::SkyScale => {
-                    let lights = self.lights(&self.lit(None))?;
+                    let lights = self.lights(&self.lit(sun_deg, None))?;
                     let own = self.find(&UnknownKind::Sun).is_some()
                         || self.manifest.sun.as_ref().is_none_or(|sun| sun.irradiance().is_some());
                     // The sun of a physical sky has the sky's unit.
@@ -255,7 +255,7 @@ impl SceneUnknowns {
                 }
                 UnknownKind::Turbidity => {
                     let [a, b] = [-1.0, 1.0].map(|s| (q.at[0] + s * TURBIDITY_STEP).clamp(q.low, q.high[0]));
-                    let [below, above] = [a, b].map(|t| self.lights(&self.lit(Some(t))));
+                    let [below, above] = [a, b].map(|t| self.lights(&self.lit(sun_deg, Some(t))));
                     let (below, above, over) = (below?, above?, 1.0 / (b - a));
                     let irradiance = |w: &ReferenceWorld| w.sun.as_ref().map_or([0.0; 3], |s| s.irradiance);
                     let [low, high] = [irradiance(&below), irradiance(&above)];

@@ -25,6 +25,8 @@ pub struct StatedPhotograph {
     /// Name of an unknown factor that all pictures with this name share: the picture shows the factor times the
     /// radiance. Without it the picture is in the scene's units.
     pub exposure: Option<String>,
+    /// Zenith angle and azimuth of the sun when it was taken (degrees), where that is not the scene's.
+    pub sun_deg: Option<[f64; 2]>,
     /// Whether the picture is kept from the fit and only predicted.
     #[serde(default)]
     pub held_out: bool,
@@ -89,6 +91,19 @@ impl SceneManifest {
     /// [`Error::Input`] for the first table that says something impossible, and where there is nothing to fit or
     /// nothing that was measured.
     pub fn require_pictures(&self) -> Result<()> {
+        let fitted = self.taken.iter().any(|p| !p.held_out) || self.factors.iter().any(|f| !f.held_out);
+        if !fitted {
+            let what = "missing; expected at least one [[picture]] or [[brf]] that is not held out";
+            return Err(Error::field(&self.path, "picture", what));
+        }
+        self.require_unknown()
+    }
+
+    /// The same, for a plan of pictures: there may be none yet.
+    ///
+    /// # Errors
+    /// As [`SceneManifest::require_pictures`].
+    pub fn require_unknown(&self) -> Result<()> {
         let bad = |field: &str, what: String| {
             Err(Error::Input {
                 file: self.path.display().to_string(),
@@ -97,10 +112,6 @@ impl SceneManifest {
                 fault: Fault::Other(what),
             })
         };
-        let fitted = self.taken.iter().any(|p| !p.held_out) || self.factors.iter().any(|f| !f.held_out);
-        if !fitted {
-            return bad("picture", "missing; expected at least one [[picture]] or [[brf]] that is not held out".into());
-        }
         let Some(unknown) = self.unknown.as_ref().filter(|u| u.count() > 0) else {
             return bad("unknown", "missing; expected an [unknown] with at least one number".into());
         };
@@ -122,6 +133,9 @@ impl SceneManifest {
             }
             if let Some(noise) = picture.noise.filter(|n| !(*n > 0.0 && *n < 1.0)) {
                 return bad(&field("noise"), format!("found {noise}, expected a share above 0 and below 1"));
+            }
+            if let Some(sun) = picture.sun_deg {
+                self.movable_sun(sun).or_else(|what| bad(&field("sun_deg"), what))?;
             }
         }
         for (k, factors) in self.factors.iter().enumerate() {
@@ -196,6 +210,37 @@ impl SceneManifest {
         let mut seen = BTreeSet::new();
         let twice = unknown.all().find(|name| !seen.insert(name.clone()));
         twice.map_or(Ok(()), |name| bad("unknown", format!("{name} is given twice, expected each once")))
+    }
+}
+
+impl SceneManifest {
+    /// Whether the scene's sun can stand at this zenith angle and azimuth (degrees).
+    ///
+    /// # Errors
+    /// Why it cannot, as what was found and what is expected.
+    pub fn movable_sun(&self, [zenith, azimuth]: [f64; 2]) -> std::result::Result<(), String> {
+        if self.sun.is_none() || self.panorama().is_some() {
+            return Err(format!(
+                "found {zenith} and {azimuth}, but the scene has no [sun] that could stand elsewhere; expected one, \
+                 and no picture of the sky"
+            ));
+        }
+        if !(0.0..90.0).contains(&zenith) || !azimuth.is_finite() {
+            return Err(format!(
+                "found {zenith} and {azimuth}, expected a zenith angle from 0 to below 90° and an azimuth"
+            ));
+        }
+        Ok(())
+    }
+
+    /// The scene with its sun at this zenith angle and azimuth (degrees). A sun whose irradiance is stated keeps it; that
+    /// of a physical sky follows from its model.
+    pub fn with_sun(&self, sun_deg: Option<[f64; 2]>) -> SceneManifest {
+        let mut out = self.clone();
+        if let (Some(sun), Some([zenith, azimuth])) = (&mut out.sun, sun_deg) {
+            (sun.zenith_deg, sun.azimuth_deg) = (zenith, azimuth);
+        }
+        out
     }
 }
 

@@ -13,6 +13,8 @@
 //! (Fedorov 1972, "Theory of optimal experiments"). What no set can beat is found from the convex problem in which a
 //! reading may be taken in part: its gradient bounds it from below (Pukelsheim 1993, "Optimal design of experiments").
 
+mod bound;
+
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -70,8 +72,6 @@ pub struct DesignChoice {
     pub ratio: f64,
 }
 
-/// Steps of the descent that bounds all designs from below.
-const BOUND_STEPS: usize = 300;
 /// An exchange must lower the criterion by this share.
 const GAIN: f64 = 1e-6;
 
@@ -171,12 +171,18 @@ impl DesignProblem {
         self.situations.iter().map(of).collect()
     }
 
-    fn start(&self, chosen: &[usize]) -> Option<Vec<Covariance>> {
-        let of = |(situation, weight): (&DesignSituation, DMatrix<f64>)| {
-            let v = self.covariance(situation, |k| f64::from(u8::from(chosen.contains(&k))))?;
-            Some(Covariance { v, weight })
+    fn start(&self, chosen: &[usize], weights: &[DMatrix<f64>]) -> Option<Vec<Covariance>> {
+        let of = |(situation, weight): (&DesignSituation, &DMatrix<f64>)| {
+            Some(Covariance { v: self.left_by(situation, chosen)?, weight: weight.clone() })
         };
-        self.situations.iter().zip(self.weights()?).map(of).collect()
+        self.situations.iter().zip(weights).map(of).collect()
+    }
+
+    /// Covariance in one situation that a set of readings leaves.
+    fn left_by(&self, situation: &DesignSituation, chosen: &[usize]) -> Option<DMatrix<f64>> {
+        let mut taken = vec![0.0; self.candidates()];
+        chosen.iter().for_each(|k| taken[*k] = 1.0);
+        self.covariance(situation, |k| taken[k])
     }
 
     /// The candidate that changes the criterion most for the better, of those that `may`, and the change.
@@ -197,17 +203,33 @@ impl DesignProblem {
 
     /// The best `count` readings, those that are taken already among them. `None` where a Jacobian is not finite.
     pub fn choose(&self, count: usize) -> Option<DesignChoice> {
+        self.choose_watched(count, &|_, _| true)
+    }
+
+    /// The same. `watch` hears how many steps of how many are done, as far as it is known yet, and ends the search where
+    /// it answers with `false`; then there is no answer.
+    pub fn choose_watched(&self, count: usize, watch: &dyn Fn(usize, usize) -> bool) -> Option<DesignChoice> {
         let mut chosen = self.taken.clone();
-        let mut state = self.start(&chosen)?;
+        let weights = self.weights()?;
+        let mut state = self.start(&chosen, &weights)?;
+        let new = count.min(self.candidates()).saturating_sub(chosen.len());
+        let mut done = 0;
+        let mut go_on = |rounds: usize| (watch(done, rounds * new), done += 1).0;
         while chosen.len() < count.min(self.candidates()) {
+            if !go_on(2) {
+                return None;
+            }
             let (next, _) = self.best(&state, 1.0, |k| !chosen.contains(&k))?;
             self.apply(&mut state, next, 1.0);
             chosen.push(next);
         }
-        for _ in 0..20 {
+        for round in 0..20 {
             let mut better = false;
             for place in self.taken.len()..chosen.len() {
-                state = self.start(&chosen)?;
+                if !go_on(2 + round) {
+                    return None;
+                }
+                state = self.start(&chosen, &weights)?;
                 let before: f64 = state.iter().map(Covariance::criterion).sum();
                 self.apply(&mut state, chosen[place], -1.0);
                 let without: f64 = state.iter().map(Covariance::criterion).sum();
@@ -227,7 +249,7 @@ impl DesignProblem {
 
     /// What a set of readings leaves.
     pub fn judge(&self, chosen: &[usize]) -> Option<DesignChoice> {
-        let state = self.start(chosen)?;
+        let state = self.start(chosen, &self.weights()?)?;
         let error = |k: usize| crate::statistics::median_of(state.iter().map(|s| s.v[(k, k)].sqrt()));
         Some(DesignChoice {
             chosen: chosen.to_vec(),
@@ -238,7 +260,7 @@ impl DesignProblem {
 
     /// Covariance of the parameters that a set of readings leaves in one situation.
     pub fn covariance_of(&self, situation: usize, chosen: &[usize]) -> Option<DMatrix<f64>> {
-        self.covariance(self.situations.get(situation)?, |k| f64::from(u8::from(chosen.contains(&k))))
+        self.left_by(self.situations.get(situation)?, chosen)
     }
 
     /// What is left of χ² where the readings follow another model than the one that is fitted: `difference` holds the
@@ -256,48 +278,6 @@ impl DesignProblem {
         }
         Some((whole - (taken_up.transpose() * covariance * &taken_up)[(0, 0)]).max(0.0))
     }
-
-    /// The ratio of errors that no set of `count` readings can fall below. The convex problem of readings in part is
-    /// descended along its gradient; at every step the tangent bounds its least value from below.
-    pub fn best_possible(&self, count: usize) -> Option<f64> {
-        let (n, weights) = (self.candidates(), self.weights()?);
-        let count = count.min(n);
-        let mut share = vec![count as f64 / n as f64; n];
-        self.taken.iter().for_each(|k| share[*k] = 1.0);
-        let mut bound = 0.0f64;
-        for step in 0..BOUND_STEPS {
-            let state: Vec<Covariance> = self
-                .situations
-                .par_iter()
-                .zip(&weights)
-                .map(|(s, weight)| Some(Covariance { v: self.covariance(s, |k| share[k])?, weight: weight.clone() }))
-                .collect::<Option<_>>()?;
-            let value: f64 = state.iter().map(Covariance::criterion).sum();
-            // ∂criterion/∂share_k = −tr(R V W V Rᵀ); a reading that is taken already is no choice.
-            let slope = |k: usize| -> f64 {
-                let of = |(s, of): (&Covariance, &DesignSituation)| {
-                    let p = s.v.nrows();
-                    let g = DMatrix::from_row_slice(of.rows[k].len() / p, p, &of.rows[k]) * &s.v;
-                    -(&g * &s.weight).dot(&g)
-                };
-                state.iter().zip(&self.situations).map(of).sum()
-            };
-            let slopes: Vec<f64> = (0..n).into_par_iter().map(slope).collect();
-            let mut order: Vec<usize> = (0..n).filter(|k| !self.taken.contains(k)).collect();
-            order.sort_by(|a, b| slopes[*a].total_cmp(&slopes[*b]));
-            order.truncate(count.saturating_sub(self.taken.len()));
-            let mut vertex = vec![0.0; n];
-            self.taken.iter().chain(&order).for_each(|k| vertex[*k] = 1.0);
-            let drop: f64 = (0..n).map(|k| slopes[k] * (vertex[k] - share[k])).sum();
-            bound = bound.max(value + drop);
-            if -drop < 1e-4 * value {
-                break;
-            }
-            let part = 2.0 / (step as f64 + 2.0) * 0.5;
-            share.iter_mut().zip(&vertex).for_each(|(s, v)| *s += part * (v - *s));
-        }
-        Some(bound.max(1.0).sqrt())
-    }
 }
 
 /// `count` indices of `candidates`, evenly from the first to the last.
@@ -308,93 +288,4 @@ pub fn evenly(candidates: usize, count: usize) -> Vec<usize> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A polynomial of degree `degree`, read anywhere on [−1, 1] with the same error.
-    fn polynomial(degree: usize, candidates: usize, error: f64) -> DesignProblem {
-        let names = (0..=degree).map(|k| format!("c{k}"));
-        let parameters = names.map(|name| DesignParameter { name, known: 1e3, wanted: true }).collect();
-        let at = |k: usize| -1.0 + 2.0 * k as f64 / (candidates - 1) as f64;
-        let rows = (0..candidates).map(|k| (0..=degree as i32).map(|d| at(k).powi(d) / error).collect()).collect();
-        let situations = vec![DesignSituation { values: vec![1.0; degree + 1], rows }];
-        DesignProblem { aim: DesignAim::Parameters, parameters, situations, taken: Vec::new() }
-    }
-
-    /// A straight line is known best from its two ends (Elfving 1952); the error of the slope has a closed form.
-    #[test]
-    fn a_line_is_read_at_its_ends() {
-        let line = polynomial(1, 41, 0.1);
-        let best = line.choose(6).unwrap();
-        assert!(best.chosen.iter().all(|k| *k < 3 || *k > 37), "{:?}", best.chosen);
-        // Σ (x − mean)² of three at either end, and n.
-        let at = |k: &usize| -1.0 + *k as f64 / 20.0;
-        let mean = best.chosen.iter().map(at).sum::<f64>() / 6.0;
-        let spread: f64 = best.chosen.iter().map(|k| (at(k) - mean).powi(2)).sum();
-        assert!((best.errors[1] / (0.1 / spread.sqrt()) - 1.0).abs() < 1e-6, "{:?}", best.errors);
-    }
-
-    /// Every set of five of eleven is looked at: the exchange finds the best, and the bound is below it.
-    #[test]
-    fn no_set_is_better_and_the_bound_holds() {
-        let parabola = polynomial(2, 11, 0.05);
-        let found = parabola.choose(5).unwrap();
-        let mut least = f64::INFINITY;
-        for set in 0u32..1 << 11 {
-            if set.count_ones() == 5 {
-                let chosen: Vec<usize> = (0..11).filter(|k| set >> k & 1 == 1).collect();
-                least = least.min(parabola.judge(&chosen).unwrap().ratio);
-            }
-        }
-        assert!((found.ratio / least - 1.0).abs() < 1e-9, "{} {least}", found.ratio);
-        let bound = parabola.best_possible(5).unwrap();
-        assert!(bound <= least && bound > 0.9 * least, "{bound} {least}");
-    }
-
-    /// What is predicted of a line best is what its ends tell: the mean variance of predictions is that of Var(c0) +
-    /// Var(c1) · mean x².
-    #[test]
-    fn predictions_of_a_line_have_the_variance_of_its_parameters() {
-        let mut line = polynomial(1, 21, 0.1);
-        line.aim = DesignAim::Predictions;
-        let (all, some) =
-            (line.covariance_of(0, &evenly(21, 21)).unwrap(), line.covariance_of(0, &[0, 10, 20]).unwrap());
-        let mean_square = (0..21).map(|k| (f64::from(k) / 10.0 - 1.0).powi(2)).sum::<f64>() / 21.0;
-        let variance = |v: &DMatrix<f64>| v[(0, 0)] + mean_square * v[(1, 1)];
-        let expected = (variance(&some) / variance(&all)).sqrt();
-        assert!((line.judge(&[0, 10, 20]).unwrap().ratio / expected - 1.0).abs() < 1e-6);
-    }
-
-    /// A parabola read as a line leaves what is orthogonal to the line: Σ (x² − mean x²)² where places are symmetric.
-    #[test]
-    fn a_line_leaves_the_bend_of_a_parabola() {
-        let line = polynomial(1, 21, 0.1);
-        let at = |k: usize| k as f64 / 10.0 - 1.0;
-        let bent: Vec<Vec<f64>> = (0..21).map(|k| vec![at(k).powi(2) / 0.1]).collect();
-        let all = evenly(21, 21);
-        let mean = all.iter().map(|k| at(*k).powi(2)).sum::<f64>() / 21.0;
-        let expected: f64 = all.iter().map(|k| ((at(*k).powi(2) - mean) / 0.1).powi(2)).sum();
-        assert!((line.lack_of_fit(0, &all, &bent).unwrap() / expected - 1.0).abs() < 1e-5);
-        assert!(line.lack_of_fit(0, &[0, 20], &bent).unwrap() < 1e-3);
-    }
-
-    /// Readings that are taken stay, and the others are chosen beside them.
-    #[test]
-    fn what_is_taken_stays() {
-        let mut line = polynomial(1, 21, 0.1);
-        line.taken = vec![0, 1, 2, 3];
-        let best = line.choose(6).unwrap();
-        assert!([0, 1, 2, 3, 19, 20].iter().all(|k| best.chosen.contains(k)), "{:?}", best.chosen);
-    }
-
-    /// A parameter that is not wanted is known as badly as it may be.
-    #[test]
-    fn only_what_is_wanted_counts() {
-        let mut line = polynomial(1, 21, 0.1);
-        line.parameters[1].wanted = false;
-        line.parameters[1].known = 1e-3;
-        // With a known slope every reading tells the constant as well as any other.
-        let (best, even) = (line.choose(4).unwrap(), line.judge(&evenly(21, 4)).unwrap());
-        assert!((best.ratio / even.ratio - 1.0).abs() < 1e-3, "{} {}", best.ratio, even.ratio);
-    }
-}
+mod tests;

@@ -1,0 +1,118 @@
+//! What a picture tells of the numbers.
+
+use crate::Result;
+use crate::photographs::{PixelUse, ReadingKind, ScenePhotograph};
+use crate::pictures::{LitScene, ShotSlopes, draw, exposure, rounds, variances};
+use crate::steps::OWN;
+use crate::unknowns::SceneUnknowns;
+use mesophyll_base::solvers::decomposition::symmetric_eigen;
+use nalgebra::DMatrix;
+
+/// A picture as it is drawn for a plan: coarse, and each of its pixels stands for several readings.
+pub struct PlannedShot {
+    /// The picture.
+    pub shot: ScenePhotograph,
+    /// Readings that each pixel stands for.
+    pub counts: Vec<f64>,
+}
+
+impl PlannedShot {
+    /// A picture in at most so many columns.
+    pub fn taken(shot: &ScenePhotograph, columns: usize) -> PlannedShot {
+        let fitted = |k: usize| shot.uses[k] == PixelUse::Fitted;
+        let [w, h] = shot.size;
+        if w <= columns || !matches!(shot.by, ReadingKind::Camera(_)) {
+            let counts = (0..shot.seen.len()).map(|k| f64::from(u8::from(fitted(k)))).collect();
+            return PlannedShot { shot: shot.clone(), counts };
+        }
+        let size = [columns, ((h * columns) as f64 / w as f64).round().max(1.0) as usize];
+        let all = size[0] * size[1];
+        let (mut counts, mut squares, mut n) = (vec![0.0; all], vec![[0.0; 3]; all], vec![0.0f64; all]);
+        for k in 0..shot.seen.len() {
+            let to = k / w * size[1] / h * size[0] + k % w * size[0] / w;
+            counts[to] += f64::from(u8::from(fitted(k)));
+            if let Some(error) = &shot.error {
+                (0..3).for_each(|c| squares[to][c] += error[k][c].powi(2));
+                n[to] += 1.0;
+            }
+        }
+        let mean = |k: usize| squares[k].map(|s: f64| (s / n[k].max(1.0)).sqrt());
+        let uses = counts.iter().map(|count| if *count > 0.0 { PixelUse::Fitted } else { PixelUse::Out }).collect();
+        let error = shot.error.as_ref().map(|_| (0..all).map(mean).collect());
+        let coarse = ScenePhotograph { size, seen: vec![[0.0; 3]; all], error, uses, ..shot.clone() };
+        PlannedShot { shot: coarse, counts }
+    }
+}
+
+/// Rows whose products sum to the information of picture `k` on the numbers.
+pub fn rows(
+    numbers: &SceneUnknowns,
+    lit: &[LitScene],
+    (planned, k): (&[PlannedShot], usize),
+    unit: &[f64],
+    [samples, seed]: [u64; 2],
+) -> Result<Vec<f64>> {
+    let (shot, counts) = (&planned[k].shot, &planned[k].counts);
+    let shots = std::slice::from_ref(shot);
+    let [rounds, each] = rounds(samples as u32);
+    let mine = seed ^ (k as u64) << 40;
+    let all = |_: &ScenePhotograph| true;
+    let shown = &draw(lit, shots, all, false, [2 * rounds, each], mine)?[0];
+    let one = &draw(lit, shots, all, true, [rounds, each], mine + 1)?[0];
+    let two = &draw(lit, shots, all, true, [rounds, each], mine + 2)?[0];
+    let (first, n) = numbers.places();
+    let of = lit.first().map_or(&[][..], |scene| &scene.slopes);
+    let slopes = ShotSlopes { numbers, shot, of, pictures: [one, two] };
+    let factor = exposure(numbers, shot);
+    let variances = variances(shot, [shown, shown], 2 * rounds, factor);
+    let (mut information, mut row) = (DMatrix::<f64>::zeros(n, n), Vec::with_capacity(n));
+    for (k, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0.0) {
+        for c in 0..3 {
+            if shown.mean[k][c] == 0.0 {
+                continue;
+            }
+            // A fit follows so many paths that its own noise is a third of the measurement's. The mean of 1/x² of an
+            // uncertain x is larger than 1/x², by three times its variance over x⁴.
+            let uncertain = 3.0 * (shot.noise * factor).powi(2) * shown.variance[k][c];
+            let weight = count / (variances[k][0][c] * (1.0 + OWN * OWN) + uncertain);
+            slopes.row(&first, k, c, &mut row);
+            for (i, p, q) in &row {
+                for (j, u, v) in &row {
+                    information[(*i, *j)] += 0.5 * weight * (p * v + q * u);
+                }
+            }
+        }
+    }
+    Ok(root(&information, unit))
+}
+
+/// Rows R with Rᵀ R = N. What noise has made negative is nothing.
+fn root(information: &DMatrix<f64>, unit: &[f64]) -> Vec<f64> {
+    let n = unit.len();
+    let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (information[(i, j)] + information[(j, i)]) * unit[i] * unit[j]);
+    let Some(eigen) = symmetric_eigen(scaled) else { return Vec::new() };
+    let mut rows = Vec::new();
+    for (k, value) in eigen.eigenvalues.iter().enumerate().filter(|(_, value)| **value > 0.0) {
+        rows.extend((0..n).map(|j| value.sqrt() * eigen.eigenvectors[(j, k)] / unit[j]));
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The rows' products sum to the matrix that they are a root of, in numbers of unlike units.
+    #[test]
+    fn rows_are_a_root() {
+        let unit = [1.0, 1e-3, 50.0];
+        let some = DMatrix::from_row_slice(2, 3, &[3.0, 4e3, 0.02, -1.0, 2e3, 0.05]);
+        let information = some.transpose() * &some;
+        let rows = root(&information, &unit);
+        let found = DMatrix::from_row_slice(rows.len() / 3, 3, &rows);
+        let again = found.transpose() * &found;
+        for (a, b) in again.iter().zip(information.iter()) {
+            assert!((a - b).abs() < 1e-9 * b.abs().max(1e-6), "{again} {information}");
+        }
+    }
+}
