@@ -8,8 +8,8 @@ use mesophyll_files::progress::TaskProgress;
 use mesophyll_proof::bench::BenchRow;
 use mesophyll_proof::stress::StressRow;
 use mesophyll_proof::{
-    beam, coverage, foliar, forest, gloss, grass, leaf, motion, nist, peers, render, scene, sky, slab, solver,
-    transfer, translucency, transport, visibility, wind,
+    beam, coverage, design as designs, foliar, forest, gloss, grass, leaf, motion, nist, peers, render, scene, sky,
+    slab, solver, transfer, translucency, transport, visibility, wind,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -91,7 +91,7 @@ const NONE: ModelEntry =
     ModelEntry { name: "", about: "", fit: None, eval: None, design: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [ModelEntry; 28] = [
+pub const MODELS: [ModelEntry; 29] = [
     ModelEntry {
         name: "solve",
         about: "The solver of least squares: stiff, singular and unbounded problems",
@@ -151,6 +151,12 @@ pub const MODELS: [ModelEntry; 28] = [
         name: "coverage",
         about: "How often intervals hold the truth, over ten thousand made-up texels",
         stress: Some(coverage::rows),
+        ..NONE
+    },
+    ModelEntry {
+        name: "design",
+        about: "Designs of measurements: one reading, identical ones, nothing admissible, 10,000 places",
+        stress: Some(designs::rows),
         ..NONE
     },
     ModelEntry {
@@ -254,6 +260,7 @@ pub const MODELS: [ModelEntry; 28] = [
     ModelEntry {
         name: "scene",
         fit: verb!(fit::scene, "What leaves, ground and light of a scene are, from linear pictures of it"),
+        design: verb!(design::scene, "Which cameras and suns further pictures of a scene should have"),
         stress: Some(scene::stress),
         ..NONE
     },

@@ -23,7 +23,7 @@ use rayon::prelude::*;
 pub struct DesignParameter {
     /// Its name, as the fit names it.
     pub name: String,
-    /// What is known of it before any reading: its standard deviation, in its own unit.
+    /// What is known of it before any reading: its standard deviation, in its own unit; 0 where it is known exactly.
     pub known: f64,
     /// Whether its error counts.
     pub wanted: bool,
@@ -72,6 +72,8 @@ pub struct DesignChoice {
     pub ratio: f64,
 }
 
+/// The information on a parameter that is known exactly. A larger number would not be finite in products.
+const EXACT: f64 = 1e100;
 /// An exchange must lower the criterion by this share.
 const GAIN: f64 = 1e-6;
 
@@ -126,8 +128,10 @@ impl DesignProblem {
     /// Covariance in one situation, where each candidate counts with a weight; `None` where numbers overflow.
     fn covariance(&self, situation: &DesignSituation, weight: impl Fn(usize) -> f64) -> Option<DMatrix<f64>> {
         let p = self.parameters.len();
-        let mut information =
-            DMatrix::from_diagonal(&nalgebra::DVector::from_fn(p, |k, _| self.parameters[k].known.powi(-2)));
+        let prior = |k: usize| self.parameters[k].known;
+        let mut information = DMatrix::from_diagonal(&nalgebra::DVector::from_fn(p, |k, _| {
+            if prior(k) == 0.0 { EXACT } else { prior(k).powi(-2) }
+        }));
         for (candidate, rows) in situation.rows.iter().enumerate() {
             let w = weight(candidate);
             if w == 0.0 {

@@ -14,6 +14,7 @@ pub mod foliar;
 pub mod gloss;
 pub mod leaf;
 pub mod motion;
+pub mod scene;
 pub mod slab;
 
 #[derive(Debug, clap::Args)]
@@ -104,6 +105,7 @@ impl DesignAnswer {
             "design": self.title,
             "sets": self.sets.iter().map(set).collect::<Vec<_>>(),
             "best_possible_over_all": self.best_possible,
+            "columns": self.chosen.0,
             "chosen": self.chosen.1.iter().map(chosen).collect::<Vec<_>>(),
             "notes": self.notes,
         })

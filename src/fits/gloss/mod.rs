@@ -16,7 +16,7 @@ mod start;
 pub mod synthetic;
 mod texel;
 
-pub use texel::{GlossFitWorkspace, GlossTexelFitter};
+pub use texel::{GlossFitStart, GlossFitWorkspace, GlossTexelFitter};
 
 use mesophyll_base::rgb::Rgb;
 use mesophyll_base::solvers::Termination;

@@ -20,7 +20,7 @@ const SIDE: usize = 40;
 
 /// A point to start from and how well it fits (Σ w r² of the channel sum).
 #[derive(Debug, Clone, Copy)]
-pub struct GlossFitStart {
+pub struct TemplateMatch {
     pub m: f64,
     pub tilt: f64,
     pub cost: f64,
@@ -130,7 +130,7 @@ impl TemplateBank {
         variances: &[f64],
         most: usize,
         scratch: &mut TemplateScratch,
-        found: &mut Vec<GlossFitStart>,
+        found: &mut Vec<TemplateMatch>,
     ) {
         found.clear();
         let TemplateScratch { samples: y, weights: w, gains } = scratch;
@@ -153,7 +153,7 @@ impl TemplateBank {
         dispatch_lanes!(level, F64, match_all(templates: &[Template], samples: &[f64], weights: &[f64],
             gains: &mut [f64]));
         for (t, gain) in templates.iter().zip(gains.iter()) {
-            let start = GlossFitStart { m: t.m, tilt: t.tilt, cost: yy - gain };
+            let start = TemplateMatch { m: t.m, tilt: t.tilt, cost: yy - gain };
             if found.len() < most || start.cost < found[found.len() - 1].cost {
                 insert(found, start, most);
             }
@@ -203,8 +203,8 @@ fn match_all<L: DoubleLanes>(templates: &[Template], samples: &[f64], weights: &
 }
 
 /// Inserts a start into the list, which stays sorted by cost. Neighbours of a better start are left out.
-fn insert(found: &mut Vec<GlossFitStart>, new: GlossFitStart, most: usize) {
-    let near = |a: &GlossFitStart, b: &GlossFitStart| (a.tilt - b.tilt).abs() < 0.15 && (a.m / b.m).ln().abs() < 0.6;
+fn insert(found: &mut Vec<TemplateMatch>, new: TemplateMatch, most: usize) {
+    let near = |a: &TemplateMatch, b: &TemplateMatch| (a.tilt - b.tilt).abs() < 0.15 && (a.m / b.m).ln().abs() < 0.6;
     if found.iter().any(|f| near(f, &new) && f.cost <= new.cost) {
         return;
     }

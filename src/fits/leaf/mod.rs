@@ -9,6 +9,7 @@
 pub mod blade;
 pub mod curve;
 mod defect;
+mod earlier;
 pub mod faults;
 pub mod held_out;
 pub(crate) mod indeterminacy;
@@ -30,10 +31,11 @@ use crate::gloss::{GlossFitDevice, GlossTexelFitter};
 use crate::record::FitKind;
 use crate::record::maker::{self, FitMaker, FitOutcome};
 use crate::{Error, Result};
+use earlier::EarlierFit;
 use held_out::{FrameSplits, HoldOutRule};
 use mesophyll_capture::manifest::TubePass;
 use mesophyll_capture::reader::TubeCapture;
-use mesophyll_files::progress::{TaskProgress, go_on};
+use mesophyll_files::progress::{TaskProgress, go_on, say};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;
 use std::path::Path;
@@ -156,6 +158,11 @@ fn fit(folder: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutc
     let y = manifest.pass(Travel::Y).map(seen);
     let mut fitter = GlossTexelFitter::new(&device, &x, y.as_deref());
     fitter.unseen = if y.is_none() { indeterminacy::UNSEEN } else { 0.0 };
+    // What the folder holds stays there until all texels are fitted, so that a stopped run starts from it again.
+    let earlier = if options.force { None } else { EarlierFit::of(maker.folder(), manifest, options) };
+    if let Some(EarlierFit { frames: [x, y], .. }) = &earlier {
+        say(format_args!("the fit of {x} frames of pass x and {y} of pass y is there; texels start from it"));
+    }
     let jobs: Vec<Job> = sides
         .iter()
         .map(|s| Job {
@@ -165,6 +172,7 @@ fn fit(folder: &Path, options: &Options, maker: &mut FitMaker) -> Result<FitOutc
             fitter: &fitter,
             level: &level,
             splits: &splits,
+            earlier: earlier.as_ref(),
             parts: &parts,
         })
         .collect();

@@ -46,6 +46,7 @@ pub fn describe(
         lobe_index,
         noise_relative: level.relative,
         noise_floor: level.floor,
+        frames: ScanRecord::count_frames(m),
         hold_out: options.hold_out.every,
         hold_out_seed: options.hold_out.seed,
         stored_step: held_out::stored_step(m.width, m.height, m.passes.len()),

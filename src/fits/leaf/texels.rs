@@ -6,6 +6,7 @@
 
 use crate::gloss::{GlossTexelFit, GlossTexelFitter};
 use crate::leaf::defect;
+use crate::leaf::earlier::EarlierFit;
 use crate::leaf::held_out::FrameSplits;
 use crate::leaf::noise::CameraNoise;
 use crate::{Error, Result};
@@ -95,6 +96,8 @@ pub(crate) struct Job<'a> {
     pub level: &'a CameraNoise,
     /// Which frames the fitter sees.
     pub splits: &'a FrameSplits,
+    /// The fit of fewer frames that this one starts from.
+    pub earlier: Option<&'a EarlierFit>,
     /// Folder of the part files.
     pub parts: &'a Path,
 }
@@ -168,7 +171,9 @@ impl Job<'_> {
                     }
                     let at = manifest.texel_position(*t);
                     let second = (!trace_y.is_empty()).then_some(trace_y.as_slice());
-                    Ok(self.fitter.fit_under(&noise[n], workspace, at, trace_x, second))
+                    let start =
+                        self.earlier.and_then(|e| e.start(self.side, (t[1] as usize) * manifest.width + t[0] as usize));
+                    Ok(self.fitter.fit_from(start, &noise[n], workspace, at, [Some(trace_x), second]))
                 },
             )
             .collect::<Result<Vec<GlossTexelFit>>>()?;

@@ -177,6 +177,11 @@ impl FitMaker {
         Ok(if force { None } else { self.whole() })
     }
 
+    /// The folder of the fit.
+    pub fn folder(&self) -> &Path {
+        &self.out
+    }
+
     /// Folder for the parts of this fit. The parts of a stopped run are found there only when the same fit is made from
     /// the same inputs. `format` describes what a part holds, so that a program with other parts starts again.
     pub fn parts(&self, format: &str) -> &Path {

@@ -1,7 +1,8 @@
 //! What a leaf fit records of a scan under a tube: the device, and how well the fit predicts frames it did not see.
 
+use mesophyll_capture::manifest::TubeManifest;
 use mesophyll_optics::gloss::{Lobe, LobeKind};
-use mesophyll_optics::tube::Tube;
+use mesophyll_optics::tube::{Travel, Tube};
 use serde::{Deserialize, Serialize};
 
 /// The device of a scan as the fit used it; frames are predicted with it. `[scan]` in `fit.toml`.
@@ -28,6 +29,9 @@ pub struct ScanRecord {
     pub noise_relative: f64,
     /// The part of the noise that does not grow with the value.
     pub noise_floor: f64,
+    /// Frames of pass x and of pass y that the capture has; 0 where an earlier program did not say.
+    #[serde(default)]
+    pub frames: [usize; 2],
     /// One frame of every this many was left out (0: none).
     pub hold_out: usize,
     /// Seed by which the frames were drawn.
@@ -46,6 +50,11 @@ impl ScanRecord {
     pub fn camera(&self) -> [f64; 3] {
         let (sin, cos) = self.camera_deg.to_radians().sin_cos();
         [sin, 0.0, cos]
+    }
+
+    /// How many frames each pass of a capture has.
+    pub fn count_frames(manifest: &TubeManifest) -> [usize; 2] {
+        [Travel::X, Travel::Y].map(|travel| manifest.pass(travel).map_or(0, |pass| pass.positions().len()))
     }
 
     /// The lobe that was fitted.

@@ -8,6 +8,7 @@ pub mod beam;
 pub mod bench;
 pub mod bench_charts;
 pub mod coverage;
+pub mod design;
 pub mod foliar;
 pub mod forest;
 pub mod gloss;

@@ -31,6 +31,7 @@ impl GlossTexelFitter {
             evaluations: 0,
             iterations: 0,
             matte: fit.m.is_nan(),
+            earlier: None,
             held: false,
         };
         job.load([Some(trace), None]);

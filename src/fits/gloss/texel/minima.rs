@@ -2,7 +2,7 @@
 //! all can look alike.
 
 use super::descent::bounded;
-use super::{CONVERGED, Job, State};
+use super::{CONVERGED, GlossFitStart, Job, State};
 use crate::gloss::projection::{self, NONLINEAR};
 use mesophyll_base::solvers::Termination;
 
@@ -15,13 +15,36 @@ const STARTS: usize = 4;
 const MATTE: f64 = 12.0;
 
 impl Job<'_> {
-    /// The starting point that the templates of the first pass put in place `rank`. It leaves weights computed from the
-    /// samples, which are good enough to start with.
-    pub fn start(&mut self, rank: usize) -> Option<[f64; NONLINEAR]> {
+    /// Where the fit starts: where it is told to, or at the best template.
+    pub fn first(&mut self) -> Option<[f64; NONLINEAR]> {
+        match self.earlier {
+            None => self.best_template(),
+            Some(GlossFitStart { m, tilt: [x, y] }) => {
+                self.weigh_provisionally();
+                let tilts = [x, if self.tilts > 1 { y } else { 0.0 }];
+                Some(bounded(&[m.max(1e-3).ln(), tilts[0], tilts[1]], &[0.0; NONLINEAR]))
+            }
+        }
+    }
+
+    fn best_template(&mut self) -> Option<[f64; NONLINEAR]> {
+        let start = self.start(0)?;
+        Some(self.doubt(start))
+    }
+
+    /// Weights from the samples, which are good enough to start with.
+    fn weigh_provisionally(&mut self) {
         let noise = [0, 1, 2].map(|c| self.noise.terms(c));
-        let mut p = [0.3f64.ln(), 0.0, 0.0];
         let ws = &mut *self.ws;
         projection::weigh_by_samples(self.fitter.level, noise, &ws.y, &ws.used, &mut ws.w, &mut ws.sum);
+    }
+
+    /// The starting point that the templates of the first pass put in place `rank`. It leaves weights computed from the
+    /// samples.
+    pub fn start(&mut self, rank: usize) -> Option<[f64; NONLINEAR]> {
+        self.weigh_provisionally();
+        let mut p = [0.3f64.ln(), 0.0, 0.0];
+        let ws = &mut *self.ws;
         let mut from = 0;
         for (k, pass) in self.fitter.passes[..self.tilts].iter().enumerate() {
             let range = from..from + pass.light.frames();
@@ -65,10 +88,12 @@ impl Job<'_> {
     /// collects every end point.
     pub fn others(&mut self, first: (State, Termination), rivals: &mut Vec<State>) -> (State, Termination) {
         let mut best = first;
-        for rank in 1..STARTS + 2 {
+        // A fit that began elsewhere has not tried the best template yet.
+        for rank in usize::from(self.earlier.is_none())..STARTS + 2 {
             // Minima may lie closer together than neighbouring templates: a step to either side of the first fit is
             // tried, too.
             let start = match rank.checked_sub(STARTS) {
+                None if rank == 0 => self.best_template(),
                 None => self.start(rank),
                 Some(side) => self.start(0).map(|_| bounded(&first.0.p, &[0.0, [-0.12, 0.12][side], 0.0])),
             };

@@ -11,7 +11,7 @@ pub(super) use descent::bounded;
 pub(super) use state::State;
 
 use super::projection::{self, ChannelProjection, NONLINEAR};
-use super::start::{GlossFitStart, TemplateBank, TemplateScratch};
+use super::start::{TemplateBank, TemplateMatch, TemplateScratch};
 use super::{GlossFitDevice, GlossTexelFit, NO_LIGHT, ReadingNoise, RobustWeighting, normal_of, normal_slopes};
 use mesophyll_base::processor::InstructionSet;
 use mesophyll_optics::tube::evaluator::{self, COLUMNS, TubeGeometry};
@@ -30,6 +30,15 @@ const BROAD: f64 = 0.6;
 pub(super) const FAINT: [f64; 2] = [400.0, 60.0];
 /// Where the correlation of ρd and ρs is below this, other minima are looked for; one pass, two passes.
 const ALIKE: [f64; 2] = [-0.98, -0.995];
+
+/// Where the fit of a texel may start, in place of the best template: the answer from fewer readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GlossFitStart {
+    /// Slope of the gloss.
+    pub m: f64,
+    /// Tilts along x and along y (rad).
+    pub tilt: [f64; 2],
+}
 
 /// Fits texels of one device; shared by threads.
 pub struct GlossTexelFitter {
@@ -60,7 +69,7 @@ pub struct GlossFitWorkspace {
     sum: [Vec<f64>; 2],
     lit: [TubeGeometry; 2],
     match_scratch: TemplateScratch,
-    starts: Vec<GlossFitStart>,
+    starts: Vec<TemplateMatch>,
 }
 
 impl GlossTexelFitter {
@@ -130,7 +139,18 @@ impl GlossTexelFitter {
         trace_x: &[[f32; 3]],
         trace_y: Option<&[[f32; 3]]>,
     ) -> GlossTexelFit {
-        let given = [Some(trace_x), trace_y];
+        self.fit_from(None, noise, ws, texel_mm, [Some(trace_x), trace_y])
+    }
+
+    /// The same from a start that is known. Where that leads to no good fit, templates are tried as without it.
+    pub fn fit_from(
+        &self,
+        earlier: Option<GlossFitStart>,
+        noise: &ReadingNoise,
+        ws: &mut GlossFitWorkspace,
+        texel_mm: [f64; 2],
+        given: [Option<&[[f32; 3]]>; 2],
+    ) -> GlossTexelFit {
         let tilts = given.iter().flatten().count();
         let matches = tilts <= self.passes.len()
             && self.passes.iter().zip(given).all(|(p, t)| t.is_none_or(|t| t.len() == p.light.frames()));
@@ -147,6 +167,7 @@ impl GlossTexelFitter {
             iterations: 0,
             matte: false,
             held: false,
+            earlier,
         };
         job.load(given);
         job.run()
@@ -167,6 +188,8 @@ pub(super) struct Job<'a> {
     pub matte: bool,
     /// Whether the tilt is held at its value.
     pub held: bool,
+    /// Where the fit starts, if that is known.
+    pub earlier: Option<GlossFitStart>,
 }
 
 impl Job<'_> {
@@ -222,8 +245,7 @@ impl Job<'_> {
         if self.dark(used) {
             return GlossTexelFit::refused(NO_LIGHT);
         }
-        let Some(start) = self.start(0) else { return GlossTexelFit::refused("no template fits") };
-        let start = self.doubt(start);
+        let Some(start) = self.first() else { return GlossTexelFit::refused("no template fits") };
         let mut best = self.climb(start);
         let mut worst = self.weigh(&best.0);
         // χ² is larger than noise makes it (by 4 standard deviations): another template may have been the right one.

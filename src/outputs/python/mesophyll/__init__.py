@@ -12,6 +12,7 @@ sky           a clear sky as spherical harmonics, and the sky of a picture
 scene         scenes: drawn, checked, evaluated as canopies, and found from their pictures
 grass         meadows as slices
 spectra       spectra as the bands of sRGB or CIE 1931
+design        which readings to take, planned from the derivatives that the fits use
 fits          reads the folder of any fit: parameters with errors, maps as arrays
 
 :func:`command` does any other verb of the command line. Lengths are in mm, absorption and scattering in 1/mm, angles in
@@ -30,7 +31,7 @@ Errors are of one type, :class:`Error`, in the sentences of the command line. Ea
 may not be opened or cannot be written, ``RuntimeError`` for a fit that as a whole failed.
 """
 
-from . import branch, fits, foliar, gloss, grass, leaf, scene, sky, slab, spectra, translucency
+from . import branch, design, fits, foliar, gloss, grass, leaf, scene, sky, slab, spectra, translucency
 from ._command import command
 from ._errors import Error
 from ._native import __version__
@@ -43,6 +44,7 @@ __all__ = [
     "__version__",
     "branch",
     "command",
+    "design",
     "fits",
     "foliar",
     "gloss",
