@@ -78,6 +78,7 @@ const SMALLER: [(&str, &str); 15] = [
     ("-o out/twig --samples 64", "-o out/twig --samples 1"),
     ("-o out/cluster --samples 64", "-o out/cluster --samples 1"),
     ("-o out/cluster --error 0.01", "-o out/cluster --samples 1"),
+    ("plan.toml --more 2", "plan.toml --more 2 --cameras 1 --draws 1 --samples 8 --columns 8"),
     ("data/pictures/unknown.toml -o out/found", "data/pictures/unknown.toml -o out/found --samples 64"),
     ("scene.toml -o out/predicted --view above", "scene.toml -o out/predicted --view above --samples 4"),
     ("data/grass/lawn.toml -o out/lawn-slices", "data/grass/lawn.toml -o out/lawn-slices --texels 32x8 --entries 8"),

@@ -25,6 +25,7 @@ use std::path::PathBuf;
   noise_floor = 0.002       standard deviation where it is dark, in the scene's units; adds too
   mask = \"mask.exr\"         pixels that count, where not all do
   exposure = \"camera-1\"     an unknown factor that pictures with this name share
+  sun_deg = [60, 200]       zenith angle and azimuth of its sun, where that is not the scene's
   held_out = true           only predicted, to judge the fit
 
   [[brf]]                   or a canopy's reflectance factors, under a sun alone
