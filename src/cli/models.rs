@@ -155,8 +155,9 @@ pub const MODELS: [ModelEntry; 29] = [
     },
     ModelEntry {
         name: "design",
-        about: "Designs of measurements: one reading, identical ones, nothing admissible, 10,000 places",
-        stress: Some(designs::rows),
+        about: "Designs of measurements: errors against frames, and extreme cases",
+        bench: Some(ModelSweep { pictures: Some(designs::bench::pictures), ..sweep!(designs::bench::rows) }),
+        stress: Some(designs::stress::rows),
         ..NONE
     },
     ModelEntry {

@@ -70,3 +70,109 @@ fn side_of(folder: &Path, manifest: &TubeManifest, side: Side) -> Option<Vec<Opt
     };
     Some((0..mask.len()).map(one).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::leaf::run;
+    use crate::leaf::texels::FitShard;
+    use crate::record::FitRecord;
+    use crate::record::maker::FitOutcome;
+    use mesophyll_files::image::ChannelMaps;
+    use mesophyll_optics::tube::Travel;
+    use mesophyll_synth::leaf::SyntheticLeaf;
+    use mesophyll_synth::scan;
+    use mesophyll_synth::spec::{InteriorModel, LeafSpec};
+
+    const LEAF: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/data/leaves/balata.toml"));
+
+    /// A scan of 24 × 40 texels, which are two parts a side, with 24 frames a pass.
+    fn scanned(folder: &Path) -> TubeManifest {
+        let mut spec: LeafSpec = LEAF.parse().unwrap();
+        (spec.veins.tertiary_mm, spec.veins.areole_mm) = (0.0, 0.0);
+        let [width, height] = [24, 40];
+        let leaf = SyntheticLeaf::grow(&spec, InteriorModel::Exact, width, height).unwrap();
+        let options = scan::Options {
+            width,
+            height,
+            frames: 24,
+            passes: vec![Travel::X, Travel::Y],
+            positions: Vec::new(),
+            noise: 0.01,
+            seed: 3,
+            model: InteriorModel::Exact,
+            raw_exposures: false,
+        };
+        scan::scan(&spec, &leaf, &options, folder).unwrap();
+        TubeManifest::read(folder).unwrap()
+    }
+
+    /// Lets the capture have only its first frames.
+    fn with_frames(folder: &Path, all: &TubeManifest, count: usize) {
+        let mut manifest = all.clone();
+        for pass in &mut manifest.passes {
+            pass.positions_mm = Some(pass.positions()[..count].to_vec());
+            (pass.start_mm, pass.end_mm, pass.frames) = (None, None, None);
+        }
+        std::fs::write(folder.join("capture.toml"), toml::to_string(&manifest).unwrap()).unwrap();
+    }
+
+    fn maps(fit: &Path) -> [ChannelMaps; 2] {
+        ["front.exr", "front_err.exr"].map(|name| read_exr(&fit.join(name)).unwrap())
+    }
+
+    /// Frames are added to a capture. The fit goes on from the one that is there, a stop in between loses nothing, and it
+    /// ends where a fit from nothing ends.
+    #[test]
+    fn a_capture_that_grows_is_fitted_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let [capture, nothing, grown] = ["scan", "nothing", "grown"].map(|name| folder.path().join(name));
+        let (all, options) = (scanned(&capture), Options::default());
+        with_frames(&capture, &all, 16);
+        run(&capture, &grown, &options).unwrap();
+        let before = FitRecord::read(&grown).unwrap();
+        assert_eq!(before.scan.as_ref().unwrap().frames, [16, 16]);
+        assert!(EarlierFit::of(&grown, &TubeManifest::read(&capture).unwrap(), &options).is_none());
+
+        with_frames(&capture, &all, 24);
+        let now = TubeManifest::read(&capture).unwrap();
+        let starts = EarlierFit::of(&grown, &now, &options).unwrap();
+        let known = starts.sides[&Side::Front].iter().flatten().count();
+        assert!(known * 10 > before.sections["front"].counts["good"] * 9, "{known} texels have a start");
+        let other = Options { robust: false, ..options.clone() };
+        assert!(EarlierFit::of(&grown, &now, &other).is_none());
+
+        let half = Options { shard: Some(FitShard { index: 0, count: 2 }), ..options.clone() };
+        assert!(matches!(run(&capture, &grown, &half).unwrap(), FitOutcome::ShardDone { .. }));
+        assert_eq!(FitRecord::read(&grown).unwrap(), before);
+        before.verify(&grown).unwrap();
+
+        run(&capture, &grown, &options).unwrap();
+        run(&capture, &nothing, &options).unwrap();
+        let [found, expected] = [&grown, &nothing].map(|fit| FitRecord::read(fit).unwrap());
+        assert_eq!(
+            (found.input_hash.as_str(), found.scan.clone()),
+            (expected.input_hash.as_str(), expected.scan.clone())
+        );
+        for name in ["sigma_a", "sigma_s"] {
+            let [a, b] = [&found, &expected].map(|record| &record.sections["front"].params[name]);
+            for c in 0..3 {
+                assert!((a.value[c] - b.value[c]).abs() < 0.02 * b.stderr[c], "{name}: {a:?} {b:?}");
+            }
+        }
+        let ([found, _], [expected, error]) = (maps(&grown), maps(&nothing));
+        assert_eq!(found.scalar(Quantity::Mask), expected.scalar(Quantity::Mask));
+        let (mut off, mut count) = (Vec::new(), 0);
+        for name in ["m.Y", "rho_s.G", "rho_d.G", "normal.X", "normal.Y"] {
+            let [a, b, e] = [&found, &expected, &error].map(|maps| maps.get(name).unwrap());
+            for k in (0..a.len()).filter(|k| e[*k].is_finite()) {
+                count += 1;
+                let share = ((a[k] - b[k]) / e[k]).abs();
+                off.extend((share > 0.1).then_some((name, k, share)));
+            }
+        }
+        assert!(count > 1500 && off.is_empty(), "{count}: {off:?}");
+        // The same command again computes nothing.
+        assert!(matches!(run(&capture, &grown, &options).unwrap(), FitOutcome::UpToDate(_)));
+    }
+}

@@ -39,6 +39,7 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport::path::Canopy;
+use mesophyll_transport::world::ReferenceWorld;
 use photographs::ScenePhotograph;
 use std::path::{Path, PathBuf};
 use unknowns::SceneUnknowns;
@@ -71,14 +72,7 @@ pub fn run(scene: &LoadedScene, out: &Path, options: &Options, ledger: &Ledger) 
     manifest.require_pictures()?;
     let shots = photographs::read(manifest)?;
     let world = reference::traced(scene, manifest.rest_time(), ledger)?;
-    if !manifest.factors.is_empty() {
-        Canopy::new(&world, options.seed).map_err(|what| Error::input(&manifest.path, what))?;
-        let dark = world.sun.as_ref().is_none_or(|sun| sun.irradiance.iter().any(|e| !(*e > 0.0)));
-        if dark {
-            let what = "found a channel with 0, expected a sun that shines in all three, as reflectance factors need";
-            return Err(Error::field(&manifest.path, "sun.irradiance", what));
-        }
-    }
+    require_canopy(manifest, &world, options.seed)?;
     let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
     groups.sort();
     groups.dedup();
@@ -97,6 +91,19 @@ pub fn run(scene: &LoadedScene, out: &Path, options: &Options, ledger: &Ledger) 
         std::iter::once(manifest.path.clone()).chain(read.map(|file| manifest.resolve(file))).collect();
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     maker::make(FitKind::Scene, out, &inputs, move |maker| fit(&manifest, numbers, shots, &hash, &options, maker))
+}
+
+/// Refuses a scene whose reflectance factors were measured, and that can have none.
+fn require_canopy(manifest: &SceneManifest, world: &ReferenceWorld, seed: u64) -> Result<()> {
+    if manifest.factors.is_empty() {
+        return Ok(());
+    }
+    Canopy::new(world, seed).map_err(|what| Error::input(&manifest.path, what))?;
+    if world.sun.as_ref().is_none_or(|sun| sun.irradiance.iter().any(|e| !(*e > 0.0))) {
+        let what = "found a channel with 0, expected a sun that shines in all three, as reflectance factors need";
+        return Err(Error::field(&manifest.path, "sun.irradiance", what));
+    }
+    Ok(())
 }
 
 fn fit(

@@ -169,10 +169,8 @@ fn a_common_level_widens_errors_by_what_it_does() {
 fn a_fit_that_starts_from_an_earlier_one_finds_the_same() {
     let d = device(Lobe::Beckmann, 0.01);
     let (xs, ys) = (pass_x(40), ramp(-325.0, 325.0, 40));
-    let (fewer, more) = (
-        GlossTexelFitter::new(&d, &xs[..30], Some(&ys[..30])),
-        GlossTexelFitter::new(&d, &xs, Some(&ys)),
-    );
+    let (fewer, more) =
+        (GlossTexelFitter::new(&d, &xs[..30], Some(&ys[..30])), GlossTexelFitter::new(&d, &xs, Some(&ys)));
     let mut noise = GaussianDeviates::new(11);
     let (mut cold, mut warm) = (0, 0);
     for k in 0..60 {

@@ -7,13 +7,14 @@ use mesophyll_report::COLORS;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
 
-struct Picture<'a> {
-    title: &'a str,
-    x: &'a str,
-    y: &'a str,
-    log_x: bool,
-    log_y: bool,
-    curves: &'a [BranchProofCurve],
+/// Curves over one pair of axes.
+pub(crate) struct Picture<'a> {
+    pub title: &'a str,
+    pub x: &'a str,
+    pub y: &'a str,
+    pub log_x: bool,
+    pub log_y: bool,
+    pub curves: &'a [BranchProofCurve],
 }
 
 /// Draws `beam-basis.svg`, `beam-shapes.svg`, `beam-length.svg` and `beam-motion.svg` into `folder`; returns the files.
@@ -84,7 +85,7 @@ pub fn write(folder: &Path, figures: &BranchProofFigures) -> Result<Vec<PathBuf>
 
 /// The values are logarithms where the axis is logarithmic; the axes themselves are linear, with ticks written as
 /// powers.
-fn draw(p: &Picture) -> std::result::Result<String, String> {
+pub(crate) fn draw(p: &Picture) -> std::result::Result<String, String> {
     let text = |e: &dyn std::fmt::Display| format!("cannot draw: {e}");
     let place = |log: bool, v: f64| if log { v.log10() } else { v };
     let curves: Vec<(&str, Vec<(f64, f64)>)> = p

@@ -17,7 +17,7 @@ use crate::pictures::{LitScene, is_fitted, worlds};
 use crate::quantity::{UnknownKind, UnknownQuantity};
 use crate::step::keep_energy;
 use crate::unknowns::SceneUnknowns;
-use crate::{Error, Result, covariance};
+use crate::{Error, Result, covariance, require_canopy};
 pub use candidates::SceneCandidate;
 use information::PlannedShot;
 use mesophyll_base::selection::{DesignAim, DesignChoice, DesignParameter, DesignProblem, DesignSituation};
@@ -25,7 +25,6 @@ use mesophyll_files::progress::TaskProgress;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::placed::ledger::Ledger;
-use mesophyll_transport::path::Canopy;
 
 /// What is planned for.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,9 +93,7 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
     let mut shots = if there { photographs::read(manifest)? } else { Vec::new() };
     shots.retain(is_fitted);
     let world = reference::traced(scene, manifest.rest_time(), ledger)?;
-    if !manifest.factors.is_empty() {
-        Canopy::new(&world, options.seed).map_err(|what| Error::input(&manifest.path, what))?;
-    }
+    require_canopy(manifest, &world, options.seed)?;
     let candidates = candidates::all(manifest, options)?;
     let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
     groups.sort();
