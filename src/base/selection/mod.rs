@@ -210,8 +210,8 @@ impl DesignProblem {
         self.choose_watched(count, &|_, _| true)
     }
 
-    /// The same. `watch` hears how many steps of how many are done, as far as it is known yet, and ends the search where
-    /// it answers with `false`; then there is no answer.
+    /// The same. `watch` hears how many steps of how many are done, as far as it is known yet, and ends the search
+    /// where it answers with `false`; then there is no answer.
     pub fn choose_watched(&self, count: usize, watch: &dyn Fn(usize, usize) -> bool) -> Option<DesignChoice> {
         let mut chosen = self.taken.clone();
         let weights = self.weights()?;

@@ -158,8 +158,8 @@ fn notes(design: &SceneDesign, choice: &DesignChoice, hidden: &[String]) -> Vec<
         out.push(format!("The chosen pictures leave {} undetermined; --more would help.", open.join(", ")));
     }
     out.push(
-        "The errors are those of a scene that is as stated: where its leaves stand, its cameras and its light. A picture \
-         that is held out tells whether it is."
+        "The errors are those of a scene that is as stated: where its leaves stand, its cameras and its light. A \
+         picture that is held out tells whether it is."
             .into(),
     );
     out

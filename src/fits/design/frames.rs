@@ -63,8 +63,8 @@ pub fn next(
     Some(NextMeasurement { quantity, error_now: now, error_then: then, sentence })
 }
 
-/// Whether the fit's own errors say that ρs and m of the side's median texel are determined. Only where they do not, the
-/// light of further frames is worth computing.
+/// Whether the fit's own errors say that ρs and m of the side's median texel are determined. Only where they do not,
+/// the light of further frames is worth computing.
 fn is_determined(side: &LeafSideFit) -> bool {
     let median = |plane: &[f32]| median_of(side.texels.iter().filter_map(|t| plane.get(t.at)).map(|v| f64::from(*v)));
     let known = |quantity: Quantity, c: usize| {

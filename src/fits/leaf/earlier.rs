@@ -121,8 +121,8 @@ mod tests {
         ["front.exr", "front_err.exr"].map(|name| read_exr(&fit.join(name)).unwrap())
     }
 
-    /// Frames are added to a capture. The fit goes on from the one that is there, a stop in between loses nothing, and it
-    /// ends where a fit from nothing ends.
+    /// Frames are added to a capture. The fit goes on from the one that is there, a stop in between loses nothing, and
+    /// it ends where a fit from nothing ends.
     #[test]
     fn a_capture_that_grows_is_fitted_on() {
         let folder = tempfile::tempdir().unwrap();

@@ -49,8 +49,8 @@ impl<'a> LitScene<'a> {
     }
 }
 
-/// Pictures of the shots that `wanted` chooses, with derivatives where they are asked for, from rounds of `each` paths a
-/// pixel.
+/// Pictures of the shots that `wanted` chooses, with derivatives where they are asked for, from rounds of `each` paths
+/// a pixel.
 pub fn draw(
     lit: &[LitScene],
     shots: &[ScenePhotograph],

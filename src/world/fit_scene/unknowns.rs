@@ -182,7 +182,8 @@ impl SceneUnknowns {
         Ok(out)
     }
 
-    /// The world with the present numbers, and the sun at a zenith angle and an azimuth (degrees) where these are given.
+    /// The world with the present numbers, and the sun at a zenith angle and an azimuth (degrees) where these are
+    /// given.
     ///
     /// # Errors
     /// Those of a physical sky that its model refuses.

@@ -45,8 +45,8 @@ fn fitted(folder: &Path, text: &str, samples: u32, seed: u64) -> FitRecord {
     }
 }
 
-/// Predicted errors beside the scatter of fits: `fits` sets of pictures at the two chosen places, with noise and paths of
-/// their own. Returns the ratio of each number's root mean square error to what was predicted.
+/// Predicted errors beside the scatter of fits: `fits` sets of pictures at the two chosen places, with noise and paths
+/// of their own. Returns the ratio of each number's root mean square error to what was predicted.
 fn scatter(fits: u64, samples: u32) -> Vec<f64> {
     let folder = tempfile::tempdir().unwrap();
     let planned = plan(&opened(folder.path(), &scene(TRUTH, UNKNOWN)).unwrap(), &options(), &Ledger::new()).unwrap();
@@ -83,7 +83,8 @@ fn predicted_errors_are_the_scatter_of_a_hundred_fits() {
     assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.2), "{ratios:?}");
 }
 
-/// Light that comes through leaves is seen against the sun, and a ground that only one camera sees is known by that one.
+/// Light that comes through leaves is seen against the sun, and a ground that only one camera sees is known by that
+/// one.
 #[test]
 fn a_camera_that_sees_the_ground_is_chosen_for_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -104,8 +105,8 @@ fn a_camera_that_sees_the_ground_is_chosen_for_it() {
     assert_eq!(found.names(), ["ground.albedo"]);
 }
 
-/// Pictures that there are stay, their masks count, and further ones make the errors smaller; a leaf that no camera sees
-/// is said to be undetermined.
+/// Pictures that there are stay, their masks count, and further ones make the errors smaller; a leaf that no camera
+/// sees is said to be undetermined.
 #[test]
 fn pictures_that_there_are_count() {
     let folder = tempfile::tempdir().unwrap();

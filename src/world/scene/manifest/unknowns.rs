@@ -233,8 +233,8 @@ impl SceneManifest {
         Ok(())
     }
 
-    /// The scene with its sun at this zenith angle and azimuth (degrees). A sun whose irradiance is stated keeps it; that
-    /// of a physical sky follows from its model.
+    /// The scene with its sun at this zenith angle and azimuth (degrees). A sun whose irradiance is stated keeps it;
+    /// that of a physical sky follows from its model.
     pub fn with_sun(&self, sun_deg: Option<[f64; 2]>) -> SceneManifest {
         let mut out = self.clone();
         if let (Some(sun), Some([zenith, azimuth])) = (&mut out.sun, sun_deg) {
