@@ -23,7 +23,8 @@ use std::path::PathBuf;
   mesophyll fit leaf photo/elm -o out/elm                     photographs; docs/photo.md says how to take them
 
 A run that was stopped goes on where it was when the same command is given again. Where DIR holds a fit of fewer \
-frames of the same scan, texels start from it. Exit code 1 where the fit as a whole is not good, by the rules of `mesophyll report`; it is written all the same.")]
+frames of the same scan, texels start from it. Exit code 1 where the fit as a whole is not good, by the rules of \
+`mesophyll report`; it is written all the same.")]
 pub struct Args {
     /// Folder with capture.toml
     capture: PathBuf,
