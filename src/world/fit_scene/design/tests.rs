@@ -10,8 +10,11 @@ use std::path::Path;
 
 const UNKNOWN: &str = "[unknown]\nleaves = { a = [\"rho_t\"] }\nground = [\"albedo\"]\n";
 
+/// Relative noise of a pixel.
+const NOISE: f64 = 0.2;
+
 fn options() -> SceneDesignOptions {
-    SceneDesignOptions { cameras: 4, draws: 1, noise: Some(0.03), samples: 64, ..SceneDesignOptions::default() }
+    SceneDesignOptions { cameras: 4, draws: 1, noise: Some(NOISE), samples: 64, ..SceneDesignOptions::default() }
 }
 
 /// The scene with the cameras of a choice and with its pictures, each in a file of its view's name.
@@ -31,7 +34,7 @@ fn with(design: &SceneDesign, new: &[usize], unknown: &str) -> String {
         );
         if !unknown.is_empty() {
             let sun = one.sun_deg.map(|sun| format!("sun_deg = {sun:?}\n")).unwrap_or_default();
-            let _ = write!(text, "[[picture]]\nview = \"{name}\"\nfile = \"{name}.exr\"\nnoise = 0.03\n{sun}");
+            let _ = write!(text, "[[picture]]\nview = \"{name}\"\nfile = \"{name}.exr\"\n{sun}");
         }
     }
     text + unknown
@@ -46,8 +49,8 @@ fn fitted(folder: &Path, text: &str, samples: u32, seed: u64) -> FitRecord {
 }
 
 /// Predicted errors beside the scatter of fits: `fits` sets of pictures at the two chosen places, with noise and paths
-/// of their own. Returns the ratio of each number's root mean square error to what was predicted.
-fn scatter(fits: u64, samples: u32) -> Vec<f64> {
+/// of their own. Returns each number's root mean square error over the one that was predicted.
+fn scatter(fits: u64) -> Vec<f64> {
     let folder = tempfile::tempdir().unwrap();
     let planned = plan(&opened(folder.path(), &scene(TRUTH, UNKNOWN)).unwrap(), &options(), &Ledger::new()).unwrap();
     let choice = planned.problem.choose(2).unwrap();
@@ -55,9 +58,10 @@ fn scatter(fits: u64, samples: u32) -> Vec<f64> {
     let truth = [TRUTH[2], TRUTH[3]].concat();
     let mut squares = vec![0.0; truth.len()];
     for seed in 0..fits {
-        let by = SyntheticExposure { noise: 0.03, samples: 4096, seed: 31 + 7 * seed, ..SyntheticExposure::default() };
+        // So much noise that the paths' own is next to nothing beside it.
+        let by = SyntheticExposure { noise: NOISE, samples: 512, seed: 31 + 7 * seed, ..SyntheticExposure::default() };
         taken(folder.path(), &drawn, by, |_, v| v).unwrap();
-        let record = fitted(folder.path(), &text, samples, 900 + 100 * seed);
+        let record = fitted(folder.path(), &text, 256, 900 + 100 * seed);
         for (k, parameter) in planned.problem.parameters.iter().enumerate() {
             squares[k] += (record.sections["all"].params[&parameter.name].value[0] - truth[k]).powi(2);
         }
@@ -65,22 +69,25 @@ fn scatter(fits: u64, samples: u32) -> Vec<f64> {
     squares.iter().zip(&choice.errors).map(|(s, e)| (s / fits as f64).sqrt() / e).collect()
 }
 
-/// Six numbers in eight fits: the root mean square of 48 deviations over their predicted errors.
+fn mean_square(ratios: &[f64]) -> f64 {
+    (ratios.iter().map(|r| r * r).sum::<f64>() / ratios.len() as f64).sqrt()
+}
+
+/// Six numbers in six fits: 36 deviations scatter their root mean square by an eighth.
 #[test]
 fn predicted_errors_are_about_the_scatter_of_fits() {
-    let ratios = scatter(8, 256);
-    let all = (ratios.iter().map(|r| r * r).sum::<f64>() / ratios.len() as f64).sqrt();
-    // 48 deviations scatter their root mean square by a tenth; numbers of one fit are correlated.
-    assert!((all - 1.0).abs() < 0.35, "{all}: {ratios:?}");
+    let ratios = scatter(6);
+    assert!((mean_square(&ratios) - 1.0).abs() < 0.4, "{ratios:?}");
 }
 
 /// For the figures of docs/evidence/designs.md.
 #[test]
 #[ignore = "many minutes"]
-fn predicted_errors_are_the_scatter_of_a_hundred_fits() {
-    let ratios = scatter(100, 1024);
-    println!("{ratios:?}");
-    assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.2), "{ratios:?}");
+fn predicted_errors_are_the_scatter_of_many_fits() {
+    let ratios = scatter(60);
+    println!("{:.3}: {ratios:.3?}", mean_square(&ratios));
+    assert!((mean_square(&ratios) - 1.0).abs() < 0.15, "{ratios:?}");
+    assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.35), "{ratios:?}");
 }
 
 /// Light that comes through leaves is seen against the sun, and a ground that only one camera sees is known by that
