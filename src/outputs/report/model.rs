@@ -308,7 +308,8 @@ pub struct PictureScale {
 }
 
 impl PictureScale {
-    /// The longest bar of 1, 2 or 5 times a power of ten (mm) that takes at most two fifths of a picture `wide` mm wide.
+    /// The longest bar of 1, 2 or 5 times a power of ten (mm) that takes at most two fifths of a picture that is `wide` mm
+    /// wide.
     pub fn of(wide: f64) -> Option<PictureScale> {
         let most = 0.4 * wide;
         let ten = 10_f64.powf(most.log10().floor());

@@ -1,4 +1,5 @@
-//! A ground with a grain, for pictures that are made to be looked at: soil, clods and old leaves of many sizes, made from noise.
+//! A ground with a grain, for pictures that are made to be looked at: soil, clods and old leaves of many sizes, made
+//! from noise.
 //!
 //! The pattern is a square tile that repeats without a seam. Its logarithm is the sum of value noise in octaves (Perlin
 //! 1985, "An image synthesizer") and of flat ellipses that represent old leaves and stones. The mean of each channel is
