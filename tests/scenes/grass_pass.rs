@@ -141,7 +141,8 @@ fn a_plate_in_the_grass_is_hidden_where_opacity_passes_one_half() {
         indices: vec![0, 1, 2, 0, 2, 3],
         ..Mesh::default()
     };
-    let plate = drawn.add(plate, Material::Opaque(OpaqueMaterial { name: "plate".into(), albedo: [0.0; 3] }));
+    let plate =
+        drawn.add(plate, Material::Opaque(OpaqueMaterial { name: "plate".into(), albedo: [0.0; 3], pattern: None }));
     drawn.instances.push(plate);
     drawn.sky = Some([1.0; 3]);
     renderer.set_scene(&drawn).unwrap();

@@ -308,7 +308,7 @@ pub struct PictureScale {
 }
 
 impl PictureScale {
-    /// The longest bar of 1, 2 or 5 times a power of ten (mm) that takes at most two fifths of a picture that is `wide` mm
+    /// The longest bar of 1, 2 or 5 times a power of ten (mm) that takes at most two fifths of a picture `wide` mm
     /// wide.
     pub fn of(wide: f64) -> Option<PictureScale> {
         let most = 0.4 * wide;
