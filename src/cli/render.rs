@@ -51,6 +51,9 @@ pub struct Args {
     /// Draw by the real-time renderer instead, as `view` and `film` do: no paths, no standard errors
     #[arg(long, conflicts_with_all = ["samples", "bounces", "seed", "error", "resume"])]
     real_time: bool,
+    /// With --real-time: compare each view with the PNG of the same name in this folder, by FLIP
+    #[arg(long, value_name = "DIR", requires = "real_time")]
+    against: Option<PathBuf>,
 }
 
 pub fn positive(text: &str) -> std::result::Result<f64, String> {
@@ -76,7 +79,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         tone: args.tone,
     };
     if args.real_time {
-        return real_time(scene, &options, common, &ledger);
+        return real_time(scene, &options, args, common, &ledger);
     }
     let mut all = Vec::new();
     let ended = path_tracing::render(&scene, &options, &ledger, |drawn| {
@@ -91,12 +94,19 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
 
 /// The views by the real-time renderer.
 #[cfg(feature = "render")]
-fn real_time(mut scene: LoadedScene, options: &Options, common: &CommonArgs, ledger: &Ledger) -> Result<u8> {
+fn real_time(
+    mut scene: LoadedScene,
+    options: &Options,
+    args: &Args,
+    common: &CommonArgs,
+    ledger: &Ledger,
+) -> Result<u8> {
     scene.find_transfer(&options.out, ledger)?;
     let mut all = Vec::new();
-    mesophyll_scene::real_time::render(&scene, options, ledger, |drawn| {
+    mesophyll_scene::real_time::render(&scene, options, args.against.as_deref(), ledger, |drawn| {
         let file = options.out.join(format!("{}.png", drawn.view));
-        let line = format!("{}: drawn by {}; {}\n", drawn.view, drawn.adapter, file.display());
+        let flip = drawn.flip.map_or(String::new(), |[mean, p99]| format!(", FLIP {mean:.4}, 99 % below {p99:.3}"));
+        let line = format!("{}: drawn by {}{flip}; {}\n", drawn.view, drawn.adapter, file.display());
         all.push(drawn.clone());
         if common.json { Ok(()) } else { super::print(&line) }
     })?;
@@ -107,7 +117,7 @@ fn real_time(mut scene: LoadedScene, options: &Options, common: &CommonArgs, led
 }
 
 #[cfg(not(feature = "render"))]
-fn real_time(_: LoadedScene, _: &Options, _: &CommonArgs, _: &Ledger) -> Result<u8> {
+fn real_time(_: LoadedScene, _: &Options, _: &Args, _: &CommonArgs, _: &Ledger) -> Result<u8> {
     Err(crate::cli::Error::Missed("--real-time: this build has no renderer (feature `render`)".into()))
 }
 

@@ -352,6 +352,20 @@ pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Res
     atomic::write(path, |w: &mut dyn Write| w.write_all(&bytes))
 }
 
+/// Width, height and RGBA of a PNG, row 0 on top.
+///
+/// # Errors
+/// [`Error::Input`] where it cannot be read.
+pub fn read_png(path: &Path) -> Result<(usize, usize, Vec<[u8; 4]>)> {
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    let decoded = image::codecs::png::PngDecoder::new(std::io::Cursor::new(&bytes))
+        .and_then(image::DynamicImage::from_decoder)
+        .map_err(|e| Error::input(path, format!("not a readable PNG ({e})")))?
+        .to_rgba8();
+    let (w, h) = decoded.dimensions();
+    Ok((w as usize, h as usize, decoded.pixels().map(|p| p.0).collect()))
+}
+
 /// Linear [0, 1] → 8-bit sRGB (IEC 61966-2-1); out-of-range values are clipped, NaN is black.
 pub fn to_srgb8(linear: f32) -> u8 {
     let v = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0) };

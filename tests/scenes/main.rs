@@ -11,6 +11,8 @@ mod check;
 #[path = "../common/mod.rs"]
 mod common;
 mod daylight;
+#[cfg(feature = "render")]
+mod display;
 mod elsewhere;
 mod environment;
 mod film;

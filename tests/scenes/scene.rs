@@ -4,8 +4,12 @@
 use crate::blade::{Blade, scene};
 use crate::common::{refused, run, succeeded};
 use crate::skips;
+use mesophyll::base::tone::ToneCurve;
 use mesophyll::files::quantity::Quantity;
+use mesophyll::scene::draw::reference;
+use mesophyll::scene::loaded::LoadedScene;
 use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::{leaf::LeafSearch, ledger::Ledger};
 use std::path::Path;
 
 #[test]
@@ -153,21 +157,35 @@ fn a_thicker_leaf_dims_and_an_edit_becomes_a_fit() {
     );
 }
 
-/// A fit's folder in place of a scene is drawn from both sides, and the leaf fills the picture and no more.
+/// A fit's folder in place of a scene is drawn from both sides, and the leaf fills the picture and no more. It stands
+/// over a ground, which the view from below does not see.
 #[test]
 fn a_fit_is_drawn_from_both_sides() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     succeeded(&run(["render", "fits/elm", "-o", out.to_str().unwrap(), "--samples", "1", "--bounces", "1"]));
-    for side in ["front", "back"] {
-        let maps = mesophyll::files::image::read_exr(&out.join(format!("{side}.exr"))).unwrap();
-        let green = maps.get("G").unwrap();
-        let sky = green[0];
-        let leaf: Vec<usize> = (0..green.len()).filter(|k| (green[*k] - sky).abs() > 1e-4).collect();
-        let columns = |k: &usize| k % maps.width;
-        let [from, to] = [leaf.iter().map(columns).min().unwrap(), leaf.iter().map(columns).max().unwrap()];
-        assert!(from > 0 && to + 1 < maps.width, "{side}: cut off");
-        assert!(to - from > maps.width / 2, "{side}: {from} to {to} of {}", maps.width);
+    let mut manifest = SceneManifest::of(Path::new("fits/elm")).unwrap();
+    assert_eq!(manifest.display().curve, ToneCurve::Film);
+    let size = [manifest.check.width as usize, manifest.check.height as usize];
+    let views: Vec<_> = manifest.perspectives().cloned().collect();
+    let ledger = Ledger::new();
+    let covered = |manifest: SceneManifest| -> Vec<Vec<f32>> {
+        let loaded = LoadedScene::open(manifest, LeafSearch::default(), &ledger).unwrap();
+        let world = reference::traced(&loaded, 0.0, &ledger).unwrap();
+        views.iter().map(|v| mesophyll::transport::covered(&world, &v.camera, size).unwrap()).collect()
+    };
+    let over_ground = covered(manifest.clone());
+    manifest.ground = None;
+    for ((view, alone), whole) in views.iter().zip(covered(manifest)).zip(over_ground) {
+        assert!(out.join(format!("{}.png", view.name)).is_file());
+        let columns: Vec<usize> = (0..alone.len()).filter(|k| alone[*k] > 0.0).map(|k| k % size[0]).collect();
+        let [from, to] = [*columns.iter().min().unwrap(), *columns.iter().max().unwrap()];
+        assert!(from > 0 && to + 1 < size[0], "{}: cut off", view.name);
+        assert!(to - from > size[0] / 2, "{}: {from} to {to} of {}", view.name, size[0]);
+        match view.name.as_str() {
+            "back" => assert!(alone == whole),
+            _ => assert!(whole.iter().all(|share| *share == 1.0)),
+        }
     }
     let branch = run(["render", "fits/elm-twig", "-o", dir.path().join("no").to_str().unwrap()]);
     refused(&branch, 2, &["fits/elm-twig/fit.toml", "kind", "found a fit of the kind beam", "a leaf's fit"]);

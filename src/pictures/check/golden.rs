@@ -11,7 +11,6 @@
 //! GPU. So where a value lies on the border of two steps, both are right ([`settled`]).
 
 use mesophyll_base::error::{Error, Result};
-use mesophyll_files::atomic::explain;
 use mesophyll_files::image;
 use mesophyll_scene::manifest::{FitOrigin, LeafOrigin, SceneManifest, StatedLeaf};
 use mesophyll_scene::verdict::GoldenFigures;
@@ -89,7 +88,7 @@ pub fn write(path: &Path, width: usize, height: usize, pixels: &[[u8; 4]]) -> Re
 /// # Errors
 /// [`Error::Input`] when the golden cannot be read or has another size.
 pub fn compare(path: &Path, picture: &Picture, exposure: f64) -> Result<GoldenComparison> {
-    let (w, h, golden) = read(path)?;
+    let (w, h, golden) = image::read_png(path)?;
     let (width, height) = (picture.width as usize, picture.height as usize);
     if (w, h) != (width, height) {
         let what = format!(
@@ -122,16 +121,6 @@ fn settled(picture: &Picture, golden: &[[u8; 4]], exposure: f64) -> Vec<[u8; 4]>
         }
     }
     pixels
-}
-
-fn read(path: &Path) -> Result<(usize, usize, Vec<[u8; 4]>)> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, explain(&e)))?;
-    let decoded = ::image::codecs::png::PngDecoder::new(std::io::Cursor::new(&bytes))
-        .and_then(::image::DynamicImage::from_decoder)
-        .map_err(|e| Error::input(path, format!("not a readable PNG ({e})")))?
-        .to_rgba8();
-    let (w, h) = decoded.dimensions();
-    Ok((w as usize, h as usize, decoded.pixels().map(|p| p.0).collect()))
 }
 
 #[cfg(test)]

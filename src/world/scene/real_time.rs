@@ -5,11 +5,14 @@ use crate::loaded::LoadedScene;
 use crate::path_tracing::{Options, RECORD, views};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
+use mesophyll_base::statistics::percentile;
 use mesophyll_base::tone::PictureDisplay;
 use mesophyll_files::image::{self, ChannelMaps, Packing};
 use mesophyll_files::{atomic, memory, progress};
+use mesophyll_transport::comparison;
 use mesophyll_viewer as viewer;
 use serde::Serialize;
+use std::path::Path;
 
 /// The result for one view.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -20,10 +23,12 @@ pub struct RealTimeView {
     pub size: [u32; 2],
     /// The adapter that drew it.
     pub adapter: String,
+    /// Mean FLIP and the FLIP that 99 % of the pixels stay below, from the picture that it is compared with.
+    pub flip: Option<[f64; 2]>,
 }
 
-/// Draws the views of a scene. `tell` is called for each view that is finished. Of the options, those of paths are not
-/// used.
+/// Draws the views of a scene, and compares each with the PNG of the same name in the folder `against`. `tell` is
+/// called for each view that is finished. Of the options, those of paths are not used.
 ///
 /// # Errors
 /// [`Error::Usage`] for a view that the scene does not have; [`Error::Missed`] without an adapter, or where it fails;
@@ -31,6 +36,7 @@ pub struct RealTimeView {
 pub fn render(
     scene: &LoadedScene,
     options: &Options,
+    against: Option<&Path>,
     ledger: &Ledger,
     mut tell: impl FnMut(&RealTimeView) -> Result<()>,
 ) -> Result<()> {
@@ -60,7 +66,9 @@ pub fn render(
         let maps = ChannelMaps { width: width as usize, height: height as usize, channels: channels.into() };
         image::write_exr(&file("exr"), &maps, Packing::Zip)?;
         image::write_png(&file("png"), width as usize, height as usize, picture.ldr.as_flattened())?;
+        let flip = against.map(|folder| flip(&folder.join(format!("{}.png", view.name)), &picture)).transpose()?;
         all.push(RealTimeView {
+            flip,
             view: view.name.clone(),
             size: [width, height],
             adapter: format!("{} ({}, {})", adapter.name, adapter.backend, adapter.driver),
@@ -71,4 +79,18 @@ pub fn render(
         tell(&all[all.len() - 1])?;
     }
     Ok(())
+}
+
+/// Mean FLIP, and the FLIP that 99 % of the pixels stay below.
+fn flip(path: &Path, picture: &viewer::Picture) -> Result<[f64; 2]> {
+    let (width, height, other) = image::read_png(path)?;
+    let own = [picture.width as usize, picture.height as usize];
+    if [width, height] != own {
+        let (found, expected) = (format!("{width}x{height} pixels"), format!("{}x{}, as drawn here", own[0], own[1]));
+        return Err(Error::unexpected(path, "size", found, expected));
+    }
+    let mut flip = comparison::flip_map(&other, &picture.ldr, width, height);
+    flip.sort_unstable_by(f32::total_cmp);
+    let mean = flip.iter().map(|f| f64::from(*f)).sum::<f64>() / flip.len().max(1) as f64;
+    Ok([mean, percentile(&flip, 0.99).map_or(0.0, f64::from)])
 }
