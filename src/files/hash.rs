@@ -10,6 +10,21 @@ pub fn bytes(data: &[u8]) -> String {
     blake3::hash(data).to_hex().to_string()
 }
 
+/// Hash of a text that may be long: it is never held as a whole.
+pub fn text(shown: std::fmt::Arguments) -> String {
+    struct Hashed(blake3::Hasher);
+    impl std::fmt::Write for Hashed {
+        fn write_str(&mut self, part: &str) -> std::fmt::Result {
+            self.0.update(part.as_bytes());
+            Ok(())
+        }
+    }
+    let mut hashed = Hashed(blake3::Hasher::new());
+    // Nothing that a hasher does can fail.
+    let _ = std::fmt::write(&mut hashed, shown);
+    hashed.0.finalize().to_hex().to_string()
+}
+
 /// Hash of a file's content, streamed. Of a pipe or a device no more is read than [`whole_file::bytes`] does.
 pub fn file(path: &Path) -> Result<String> {
     if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {

@@ -66,10 +66,12 @@ const LEFT_OUT: [(&str, &str); 32] = [
 ];
 
 /// Commands that are made smaller for the test: the printed words, and the words that are run instead.
-const SMALLER: [(&str, &str); 15] = [
+const SMALLER: [(&str, &str); 17] = [
     ("--acquisition photo --size 960x720", "--acquisition photo --size 160x120"),
     ("--fps 4 -o out/autumn-film", "--fps 0.2 --size 60x60 -o out/autumn-film"),
     ("--to 4 -o out/breeze", "--to 0.1 --size 60x60 -o out/breeze"),
+    ("--to 4 -o out/avenue", "--to 0.1 --size 60x60 -o out/avenue"),
+    ("-o out/avenue-traced --samples 64", "-o out/avenue-traced --samples 1"),
     ("--size 120x90 --frames 60", "--size 48x36 --frames 40"),
     ("-o out/autumn --samples 64", "-o out/autumn --samples 1"),
     ("-o out/plant --samples 64", "-o out/plant --samples 1"),
@@ -87,8 +89,12 @@ const SMALLER: [(&str, &str); 15] = [
 
 /// Scenes that are made smaller for the test: the file, its words, and the words that replace them. A limit of the
 /// first scene's check holds for each pixel, so it is as strict in a quarter of the pixels.
-const SMALLER_SCENES: [(&str, &str, &str); 2] = [
+const SMALLER_SCENES: [(&str, &str, &str); 6] = [
     ("data/foliar/autumn.toml", "width = 600\nheight = 220", "width = 300\nheight = 110"),
+    ("data/scenes/stands/avenue.toml", "plants/wych-elm.toml", "plants/elm-twig.toml"),
+    ("data/scenes/stands/avenue.toml", "plants/bird-cherry-sapling.toml", "plants/elm-twig.toml"),
+    ("data/scenes/stands/avenue.toml", "plants/balata.toml", "plants/elm-twig.toml"),
+    ("data/scenes/stands/avenue.toml", "width = 480\nheight = 320", "width = 60\nheight = 40"),
     ("data/scenes/between.toml", "dense-twig.glb", "two-species.glb"),
 ];
 
@@ -146,7 +152,8 @@ fn run_page(page: &str, spans: bool) -> [usize; 2] {
         common::copy_tree(&root.join(name), &folder.path().join(name));
     }
     for (scene, long, short) in SMALLER_SCENES {
-        let (path, text) = (folder.path().join(scene), std::fs::read_to_string(root.join(scene)).unwrap());
+        let path = folder.path().join(scene);
+        let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.contains(long), "{scene} has no {long}");
         std::fs::write(path, text.replace(long, short)).unwrap();
     }
@@ -236,7 +243,7 @@ fn the_commands_of_the_foliar_page_run() {
 
 #[test]
 fn the_commands_of_the_tutorials_run() {
-    assert_eq!(run_page("docs/tutorials.md", false), [15, 0]);
+    assert_eq!(run_page("docs/tutorials.md", false), [20, 0]);
     assert_eq!(run_page("docs/good.md", false), [2, 0]);
 }
 

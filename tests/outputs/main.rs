@@ -21,4 +21,5 @@ mod report;
 mod samples;
 mod sky_export;
 mod sky_functions;
+mod stands;
 mod web;

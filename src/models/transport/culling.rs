@@ -6,9 +6,9 @@ use crate::stage::Stage;
 use crate::world::ReferenceWorld;
 use rayon::prelude::*;
 
-/// For each of the world's instances, whether any of these cameras sees it in a picture of `width` × `height` pixels.
-/// One ray is sent through the middle of every pixel. It may therefore miss a thing of which less than a pixel shows,
-/// also one that is so small that nothing hides it.
+/// For each of the world's instances, with those of groups, whether any of these cameras sees it in a picture of
+/// `width` × `height` pixels. One ray is sent through the middle of every pixel. It may therefore miss a thing of which
+/// less than a pixel shows, also one that is so small that nothing hides it.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for a world that contradicts itself, [`crate::Error::Usage`] for a camera that looks
@@ -16,13 +16,13 @@ use rayon::prelude::*;
 pub fn shown(world: &ReferenceWorld, cameras: &[ReferenceCamera], [width, height]: [usize; 2]) -> Result<Vec<bool>> {
     world.validate()?;
     let stage = Stage::new(world);
-    let mut shown = vec![false; world.instances.len()];
+    let mut shown = vec![false; stage.instances()];
     for camera in cameras {
         let lens = CameraRays::new(camera, width, height)?;
         let rows: Vec<Vec<bool>> = (0..height)
             .into_par_iter()
             .fold(
-                || vec![false; world.instances.len()],
+                || vec![false; stage.instances()],
                 |mut shown, y| {
                     if !mesophyll_files::progress::stop_requested() {
                         for x in 0..width {

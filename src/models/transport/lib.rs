@@ -40,9 +40,11 @@ mod seeds;
 mod shading;
 mod sphere_density;
 mod stage;
+mod surface;
 #[cfg(test)]
 mod test_worlds;
 pub mod transfer;
+mod validation;
 pub mod visibility;
 pub mod world;
 
@@ -54,8 +56,9 @@ pub use dome::{DomeNode, RadianceAt, ReferenceDome};
 pub use mesophyll_base::tone;
 pub use renderer::{Options, ReferencePicture, ReferenceRenderer, render};
 pub use world::{
-    NormalFrame, NormalMap, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement,
-    ReferenceScanner, ReferenceSide, ReferenceSun, ReferenceWorld, SlabAt, SunTransmission, SunlitMaps,
+    NormalFrame, NormalMap, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlace,
+    ReferencePlacement, ReferenceScanner, ReferenceSide, ReferenceSun, ReferenceWorld, SlabAt, SunTransmission,
+    SunlitMaps,
 };
 
 pub(crate) use mesophyll_base::error::{Error, Result};

@@ -1,7 +1,7 @@
 //! Worlds that repeat along x and y: what of them stands in one cell, and how a ray is followed from cell to cell.
 
-use super::accelerate::Ray;
-use super::world::{ReferencePlacement, ReferenceWorld};
+use super::accelerate::{Bounds, Ray};
+use super::world::{ReferencePlace, ReferencePlacement, ReferenceWorld};
 use glam::{DMat4, DVec3};
 
 /// A scene that repeats along x and y. Rays are followed through the cell around the origin. A ray that leaves the cell
@@ -60,10 +60,9 @@ impl Repeat {
     }
 }
 
-/// The first and the last shift of an instance, in whole periods along x and y, with which it reaches into the cell
-/// around the origin; `None` for a mesh without vertices.
-fn shifts(world: &ReferenceWorld, placed: &ReferencePlacement, size: [f64; 2]) -> Option<[[f64; 2]; 2]> {
-    let points = world.leaves[placed.leaf].mesh.positions.iter().map(|v| placed.transform.transform_point3(*v));
+/// The first and the last shift, in whole periods along x and y, with which points reach into the cell around the
+/// origin; `None` for no points.
+fn shifts(points: impl Iterator<Item = DVec3>, size: [f64; 2]) -> Option<[[f64; 2]; 2]> {
     let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     low.is_finite().then(|| {
         [0, 1].map(|axis| {
@@ -73,24 +72,64 @@ fn shifts(world: &ReferenceWorld, placed: &ReferencePlacement, size: [f64; 2]) -
     })
 }
 
-/// Number of instances in the cell around the origin, for a world that repeats with this period.
-pub(super) fn copies(world: &ReferenceWorld, size: [f64; 2]) -> f64 {
-    let count = |p| shifts(world, p, size).map_or(0.0, |s| s.iter().map(|[a, b]| (b - a + 1.0).max(0.0)).product());
-    world.instances.iter().map(count).sum()
+/// The vertices of a placed leaf.
+fn vertices<'a>(world: &'a ReferenceWorld, placed: &'a ReferencePlacement) -> impl Iterator<Item = DVec3> + 'a {
+    world.leaves[placed.leaf].mesh.positions.iter().map(|v| placed.transform.transform_point3(*v))
 }
 
-/// These instances, and for each the index of the world's instance.
-pub(super) fn repeated(world: &ReferenceWorld, size: [f64; 2]) -> (Vec<(usize, DMat4)>, Vec<usize>) {
-    let (mut placed, mut instance) = (Vec::new(), Vec::new());
-    for (k, p) in world.instances.iter().enumerate() {
-        let Some([along_x, along_y]) = shifts(world, p, size) else { continue };
-        for x in along_x[0] as i64..=along_x[1] as i64 {
-            for y in along_y[0] as i64..=along_y[1] as i64 {
-                let by = DVec3::new(x as f64 * size[0], y as f64 * size[1], 0.0);
-                placed.push((p.leaf, DMat4::from_translation(by) * p.transform));
-                instance.push(k);
+/// The shifts of each instance, and then of each place. Of a group, the corners of the box around it count.
+fn all_shifts(world: &ReferenceWorld, size: [f64; 2]) -> impl Iterator<Item = Option<[[f64; 2]; 2]>> {
+    let of_group = |group: &Vec<ReferencePlacement>| Bounds::of(group.iter().flat_map(|p| vertices(world, p)));
+    let boxes: Vec<Bounds> = world.groups.iter().map(of_group).collect();
+    let of_place = move |p: &ReferencePlace| {
+        let around = &boxes[p.group];
+        (!around.is_empty())
+            .then(|| shifts(around.corners().into_iter().map(|v| p.transform.transform_point3(v)), size))
+            .flatten()
+    };
+    world.instances.iter().map(move |p| shifts(vertices(world, p), size)).chain(world.places.iter().map(of_place))
+}
+
+/// Number of instances and places of groups in the cell around the origin, for a world that repeats with this period.
+pub(super) fn copies(world: &ReferenceWorld, size: [f64; 2]) -> f64 {
+    let count = |shifts: [[f64; 2]; 2]| shifts.iter().map(|[a, b]| (b - a + 1.0).max(0.0)).product::<f64>();
+    all_shifts(world, size).flatten().map(count).sum()
+}
+
+/// What of a world that repeats stands in the cell around the origin.
+pub(super) struct Cell {
+    /// The leaf and the transform of each instance that stands by itself, and the index of the world's instance.
+    pub placed: Vec<(usize, DMat4)>,
+    pub instance: Vec<usize>,
+    /// The group and the transform of each place, and the index of the world's place.
+    pub places: Vec<(usize, DMat4)>,
+    pub place: Vec<u32>,
+}
+
+impl Cell {
+    /// The cell of a world with this period.
+    pub fn of(world: &ReferenceWorld, size: [f64; 2]) -> Cell {
+        let mut cell = Cell { placed: Vec::new(), instance: Vec::new(), places: Vec::new(), place: Vec::new() };
+        for (k, shifts) in all_shifts(world, size).enumerate() {
+            let Some([along_x, along_y]) = shifts else { continue };
+            for x in along_x[0] as i64..=along_x[1] as i64 {
+                for y in along_y[0] as i64..=along_y[1] as i64 {
+                    let by = DMat4::from_translation(DVec3::new(x as f64 * size[0], y as f64 * size[1], 0.0));
+                    match k.checked_sub(world.instances.len()) {
+                        None => {
+                            let p = &world.instances[k];
+                            cell.placed.push((p.leaf, by * p.transform));
+                            cell.instance.push(k);
+                        }
+                        Some(k) => {
+                            let p = &world.places[k];
+                            cell.places.push((p.group, by * p.transform));
+                            cell.place.push(k as u32);
+                        }
+                    }
+                }
             }
         }
+        cell
     }
-    (placed, instance)
 }

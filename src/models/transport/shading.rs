@@ -12,7 +12,8 @@ use super::accelerate::Ray;
 use super::albedo::AlbedoTable;
 use super::dome::{self, IrradianceMap};
 use super::lobe::ReflectionLobe;
-use super::stage::{Met, SideBy, Stage, Surface};
+use super::stage::{Met, SideBy, Stage};
+use super::surface::Surface;
 use super::world::{ReferenceLeaf, ReferenceSun, ReferenceWorld};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -33,7 +34,8 @@ pub(super) type DiskPoint = [f64; 2];
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     pub radiance: [f64; 3],
-    /// 0 where nothing was hit (see [`dome`] for the parts of a sky), else 1 + 2·instance, plus 1 for the back.
+    /// 0 where nothing was hit (see [`dome`] for the parts of a sky), else 1 + 2·number of the leaf
+    /// ([`Stage::number`]), plus 1 for the back.
     pub surface: u32,
     /// The kinds of sun samples that occurred: [`HIDDEN`], [`VIEWED_SIDE`], [`FAR_SIDE`].
     pub light: u8,
@@ -119,7 +121,7 @@ impl<'a> Direct<'a> {
         }
         if let Some(sky) = world.sky {
             let rho_t = transmittance();
-            let table = self.albedo[world.instances[surface.instance].leaf].as_ref();
+            let table = self.albedo[self.stage.leaf_index(surface.instance)].as_ref();
             let shine = match (gloss, table) {
                 (Some((rho_s, m)), Some(table)) => {
                     let a = table.at(n.dot(view), m);
@@ -156,7 +158,7 @@ impl<'a> Direct<'a> {
                 radiance[c] += rho_d[c] * lambert + gloss.map_or(0.0, |(rho_s, _)| rho_s[c] * shine);
             }
         }
-        Seen { radiance, surface: 1 + 2 * surface.instance as u32 + u32::from(surface.back), light }
+        Seen { radiance, surface: 1 + 2 * self.stage.number(&surface) + u32::from(surface.back), light }
     }
 }
 

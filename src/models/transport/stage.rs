@@ -5,21 +5,22 @@
 use super::accelerate::{InstanceForest, Ray, RayHit, TriangleTree, fetch};
 use super::foliar::FoliarMaterial;
 use super::lookup::{TexelTaps, texels};
-use super::repetition::{Repeat, repeated};
-use super::world::{
-    NormalFrame, ReferenceInterior, ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceWorld, SunlitMaps,
-};
-use glam::{DMat3, DVec2, DVec3, DVec4};
+use super::repetition::{Cell, Repeat};
+use super::surface::{Surface, corners, texture_point};
+use super::world::{ReferenceLeaf, ReferencePlacement, ReferenceWorld, SunlitMaps};
+use glam::{DMat3, DMat4, DVec3};
 
 /// A world with its trees of boxes.
 pub(super) struct Stage<'a> {
     pub world: &'a ReferenceWorld,
     forest: InstanceForest,
     repeat: Option<Repeat>,
-    /// For each instance of the forest, the index of the world's instance. Where the world repeats, several have the
-    /// same.
+    /// For each instance of the forest, the number of the world's instance, and for each place of the forest the
+    /// world's place. Where the world repeats, several have the same; where it does not, no place is listed.
     instance: Vec<usize>,
-    /// The local → world rotation of each instance.
+    place: Vec<u32>,
+    /// For each of the world's instances its leaf, and the rotation from there to the world, or to its group.
+    leaf_of: Vec<usize>,
     turn: Vec<DMat3>,
     /// Distance (mm) between a blade and the start of a ray that leaves it.
     step: f64,
@@ -40,13 +41,21 @@ impl<'a> Stage<'a> {
     pub fn new(world: &'a ReferenceWorld) -> Stage<'a> {
         let shape = |l: &ReferenceLeaf| TriangleTree::with_solid(&l.mesh.positions, &l.mesh.indices, |t| solid(l, t));
         let shapes = world.leaves.iter().map(shape).collect();
-        let mut placed: Vec<_> = world.instances.iter().map(|p| (p.leaf, p.transform)).collect();
-        let mut instance: Vec<usize> = (0..placed.len()).collect();
-        if let Some(size) = world.periodic {
-            (placed, instance) = repeated(world, size);
-        }
-        let forest = InstanceForest::new(shapes, &placed);
-        let turn = world.instances.iter().map(rotation).collect();
+        let at = |p: &ReferencePlacement| (p.leaf, p.transform);
+        let groups: Vec<Vec<_>> = world.groups.iter().map(|group| group.iter().map(at).collect()).collect();
+        let Cell { placed, mut instance, places, place } = match world.periodic {
+            Some(size) => Cell::of(world, size),
+            None => Cell {
+                placed: world.instances.iter().map(at).collect(),
+                instance: (0..world.instances.len()).collect(),
+                places: world.places.iter().map(|p| (p.group, p.transform)).collect(),
+                place: Vec::new(),
+            },
+        };
+        instance.extend(world.instances.len()..world.numbered().count());
+        let forest = InstanceForest::with_groups(shapes, &placed, &groups, &places);
+        let leaf_of = world.numbered().map(|p| p.leaf).collect();
+        let turn = world.numbered().map(|p| rotation(&p.transform)).collect();
         // Far from the origin, the spacing of floating-point coordinates matters more than the size of the scene.
         let farthest = forest.bounds().map_or(0.0, |[low, high]| low.abs().max(high.abs()).max_element());
         let step = 1e-9 * forest.extent().max(farthest);
@@ -54,25 +63,47 @@ impl<'a> Stage<'a> {
             .periodic
             .zip(forest.bounds())
             .map(|(size, [low, high])| Repeat { half: size.map(|s| 0.5 * s), height: [low.z - step, high.z + step] });
-        Stage { world, forest, repeat, instance, turn, step }
+        Stage { world, forest, repeat, instance, place, leaf_of, turn, step }
+    }
+
+    /// The number of instances of the world, with those of groups.
+    pub fn instances(&self) -> usize {
+        self.leaf_of.len()
+    }
+
+    /// The index of an instance's leaf.
+    pub fn leaf_index(&self, instance: usize) -> usize {
+        self.leaf_of[instance]
     }
 
     /// The leaf of an instance.
     pub fn leaf(&self, instance: usize) -> &'a ReferenceLeaf {
-        &self.world.leaves[self.world.instances[instance].leaf]
+        &self.world.leaves[self.leaf_of[instance]]
+    }
+
+    /// A number below 2³¹ for the leaf that was hit, which leaves near it do not have: that of the instance, or one
+    /// after all instances where its group stands at another place than the first.
+    pub fn number(&self, surface: &Surface) -> u32 {
+        let members = (self.leaf_of.len() - self.world.instances.len()) as u64;
+        ((surface.instance as u64 + members * u64::from(surface.place.unwrap_or(0))) % ((1 << 31) - 1)) as u32
+    }
+
+    /// A hit of the forest as one of the world.
+    fn in_world(&self, hit: RayHit) -> RayHit {
+        let place = hit.place.map(|place| self.place.get(place as usize).copied().unwrap_or(place));
+        RayHit { instance: self.instance[hit.instance], place, ..hit }
     }
 
     /// The B1 model of an instance; `None` if it has none.
     pub fn foliar(&self, instance: usize) -> Option<&'a FoliarMaterial> {
-        self.world.foliar.get(self.world.instances[instance].leaf)?.as_deref()
+        self.world.foliar.get(self.leaf_of[instance])?.as_deref()
     }
 
     /// The first hit of a ray.
     pub fn nearest(&self, ray: &Ray) -> Option<Met> {
         let find = |ray: &Ray, limit: f64| {
-            let mut hit = self.forest.nearest_within(ray, limit, |i, t, b| self.on_leaf(i, t, b))?;
-            hit.instance = self.instance[hit.instance];
-            Some(Met { ray: *ray, hit })
+            let hit = self.forest.nearest_within(ray, limit, |i, t, b| self.on_leaf(i, t, b))?;
+            Some(Met { ray: *ray, hit: self.in_world(hit) })
         };
         match &self.repeat {
             None => find(ray, f64::INFINITY),
@@ -103,9 +134,7 @@ impl<'a> Stage<'a> {
         if self.repeat.is_some() {
             return rays.iter().map(|ray| self.nearest(ray)).collect();
         }
-        let met = |(ray, hit): (&Ray, Option<RayHit>)| {
-            hit.map(|hit| Met { ray: *ray, hit: RayHit { instance: self.instance[hit.instance], ..hit } })
-        };
+        let met = |(ray, hit): (&Ray, Option<RayHit>)| hit.map(|hit| Met { ray: *ray, hit: self.in_world(hit) });
         rays.iter().zip(find(rays)).map(met).collect()
     }
 
@@ -162,12 +191,13 @@ impl<'a> Stage<'a> {
     /// The surface where a ray (of unit direction) hit.
     pub fn surface(&self, Met { ray, hit }: &Met, by: SideBy) -> Surface<'a> {
         let leaf = self.leaf(hit.instance);
-        let turn = self.turn[hit.instance];
+        let own = self.turn[hit.instance];
+        let turn = hit.place.map_or(own, |k| rotation(&self.world.places[k as usize].transform) * own);
         let corner = corners(leaf, hit.triangle);
         let weight = [1.0 - hit.barycentric[0] - hit.barycentric[1], hit.barycentric[0], hit.barycentric[1]];
         let mesh = &leaf.mesh;
         // The same numbers as the mesh's, and nearer: the ray has just been tried on them.
-        let [p0, p1, p2] = self.forest.corners(self.world.instances[hit.instance].leaf, hit.triangle);
+        let [p0, p1, p2] = self.forest.corners(self.leaf_of[hit.instance], hit.triangle);
         let flat = (turn * (p1 - p0).cross(p2 - p0)).normalize_or_zero();
         let mix = |of: &[DVec3]| of[corner[0]] * weight[0] + of[corner[1]] * weight[1] + of[corner[2]] * weight[2];
         let mut smooth = mix(&mesh.normals).normalize_or((p1 - p0).cross(p2 - p0).normalize_or(DVec3::Z));
@@ -180,6 +210,7 @@ impl<'a> Stage<'a> {
         Surface {
             leaf,
             instance: hit.instance,
+            place: hit.place,
             point: ray.origin + ray.direction * hit.t,
             view,
             flat,
@@ -206,144 +237,10 @@ pub(super) struct Met {
     pub hit: RayHit,
 }
 
-/// A point where a ray hit a leaf. The "viewed" side is the one that the ray came from, and the "far" side is the other
-/// one.
-pub(super) struct Surface<'a> {
-    leaf: &'a ReferenceLeaf,
-    /// The instance that was hit.
-    pub instance: usize,
-    pub point: DVec3,
-    /// Towards the origin of the ray.
-    pub view: DVec3,
-    /// The triangle's normal, on its front.
-    pub flat: DVec3,
-    /// Whether the back is the viewed side.
-    pub back: bool,
-    smooth: DVec3,
-    front_normal: DVec3,
-    turn: DMat3,
-    corner: [usize; 3],
-    weight: [f64; 3],
-    uv: DVec2,
-}
-
-impl<'a> Surface<'a> {
-    /// The mesh's interpolated normal, on the viewed side.
-    pub fn toward_viewer(&self) -> DVec3 {
-        if self.back { -self.front_normal } else { self.front_normal }
-    }
-
-    /// Optical properties of the viewed side.
-    pub fn viewed(&self) -> &'a ReferenceSide {
-        if self.back { &self.leaf.back } else { &self.leaf.front }
-    }
-
-    /// Optical properties of the far side.
-    pub fn far(&self) -> &'a ReferenceSide {
-        if self.back { &self.leaf.front } else { &self.leaf.back }
-    }
-
-    /// The model of the gloss.
-    pub fn lobe(&self) -> super::lobe::Lobe {
-        self.leaf.lobe
-    }
-
-    /// Where the maps of the viewed side are read, or of the far side.
-    pub fn taps(&self, far: bool) -> TexelTaps {
-        TexelTaps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, self.back != far)
-    }
-
-    /// The mapped normal of the viewed side.
-    pub fn normal(&self) -> DVec3 {
-        self.mapped(self.viewed(), self.back)
-    }
-
-    /// The mapped normal of the far side.
-    pub fn far_normal(&self) -> DVec3 {
-        self.mapped(self.far(), !self.back)
-    }
-
-    fn mapped(&self, side: &ReferenceSide, back: bool) -> DVec3 {
-        let plain = if back { -self.front_normal } else { self.front_normal };
-        let Some(map) = &side.normal else { return plain };
-        let taps = TexelTaps::new(self.uv.x, self.uv.y, self.leaf.width, self.leaf.height, back);
-        let [x, y, z] = taps.vector(&map.values);
-        let (x, z) = if back { (-x, -z) } else { (x, z) };
-        let local = match map.frame {
-            NormalFrame::Blade => DVec3::new(x, y, z),
-            NormalFrame::Tangent => {
-                let tangents = &self.leaf.mesh.tangents;
-                let t = self.corner.iter().zip(self.weight).map(|(&c, w)| tangents[c] * w).sum::<DVec4>();
-                let smooth = self.smooth;
-                let along = (t.truncate() - smooth * smooth.dot(t.truncate())).normalize_or_zero();
-                along * x + smooth.cross(along) * (t.w.signum() * y) + smooth * z
-            }
-        };
-        (self.turn * local).normalize_or(plain)
-    }
-
-    /// ρd of the viewed side, with γ.
-    pub fn rho_d(&self) -> [f64; 3] {
-        reflectance(self.viewed(), &self.taps(false))
-    }
-
-    /// ρt of a beam that enters at the far side.
-    pub fn rho_t(&self) -> [f64; 3] {
-        transmittance(self.far(), &self.taps(true))
-    }
-
-    /// ρt of a beam that enters at the viewed side.
-    pub fn rho_t_inward(&self) -> [f64; 3] {
-        transmittance(self.viewed(), &self.taps(false))
-    }
-
-    /// Derivatives of ρd, ρt and ρs, and of m, where front and back of the leaf have these derivatives, which are looks
-    /// themselves.
-    pub fn by_look(&self, sides: &[ReferenceSide; 2]) -> ([[f64; 3]; 3], f64) {
-        let (viewed, far) = (&sides[usize::from(self.back)], &sides[usize::from(!self.back)]);
-        let taps = self.taps(false);
-        let gloss = viewed.gloss.as_ref().map(|gloss| (taps.colour(&gloss.rho_s), taps.scalar(&gloss.m)));
-        let (rho_s, m) = gloss.unwrap_or_default();
-        ([reflectance(viewed, &taps), transmittance(far, &self.taps(true)), rho_s], m)
-    }
-
-    /// ρs and m of the viewed side; `None` if it is not glossy.
-    pub fn gloss(&self) -> Option<([f64; 3], f64)> {
-        let gloss = self.viewed().gloss.as_ref()?;
-        let taps = self.taps(false);
-        Some((taps.colour(&gloss.rho_s), taps.scalar(&gloss.m)))
-    }
-
-    /// The factor that replaces ρt times a cosine, where maps describe how the sun's light passes; `rho_t` is
-    /// [`Surface::rho_t`].
-    pub fn through(&self, sunlit: &SunlitMaps, rho_t: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
-        match sunlit {
-            SunlitMaps::Factor(map) => {
-                let f = self.taps(true).scalar(map).max(0.0);
-                rho_t().map(|r| r * f)
-            }
-            SunlitMaps::Colour(maps) => self.taps(true).colour(maps).map(|m| m.max(0.0)),
-        }
-    }
-}
-
 /// The rotation of a placement, without its scale.
-pub(super) fn rotation(placed: &ReferencePlacement) -> DMat3 {
-    let m = DMat3::from_mat4(placed.transform);
+pub(super) fn rotation(transform: &DMat4) -> DMat3 {
+    let m = DMat3::from_mat4(*transform);
     m * (1.0 / m.determinant().abs().cbrt())
-}
-
-fn corners(leaf: &ReferenceLeaf, triangle: usize) -> [usize; 3] {
-    [0, 1, 2].map(|k| leaf.mesh.indices[3 * triangle + k] as usize)
-}
-
-fn texture_point(leaf: &ReferenceLeaf, triangle: usize, barycentric: [f64; 2]) -> DVec2 {
-    if leaf.width * leaf.height == 1 {
-        // A single texel is the same everywhere.
-        return DVec2::ZERO;
-    }
-    let [a, b, c] = corners(leaf, triangle).map(|k| leaf.mesh.uvs[k]);
-    a + (b - a) * barycentric[0] + (c - a) * barycentric[1]
 }
 
 /// Whether [`Stage::on_leaf`] holds at every point of a triangle: all texels that its points can read are on.
@@ -356,21 +253,4 @@ fn solid(leaf: &ReferenceLeaf, triangle: usize) -> bool {
     let (low, high) = (uvs[0].min(uvs[1]).min(uvs[2]), uvs[0].max(uvs[1]).max(uvs[2]));
     let (columns, rows) = (texels(low.x, high.x, leaf.width), texels(low.y, high.y, leaf.height));
     rows.into_iter().all(|j| mask[j * leaf.width..][columns.clone()].iter().all(|on| *on != 0))
-}
-
-fn reflectance(side: &ReferenceSide, taps: &TexelTaps) -> [f64; 3] {
-    match &side.interior {
-        ReferenceInterior::Maps { rho_d, .. } => taps.colour(rho_d),
-        ReferenceInterior::Scalars { gamma, thickness, curve } => {
-            let (rho_d, gamma) = (curve(taps.scalar(thickness)).0, taps.colour(gamma));
-            [0, 1, 2].map(|c| gamma[c] * rho_d[c])
-        }
-    }
-}
-
-fn transmittance(side: &ReferenceSide, taps: &TexelTaps) -> [f64; 3] {
-    match &side.interior {
-        ReferenceInterior::Maps { rho_t, .. } => taps.colour(rho_t),
-        ReferenceInterior::Scalars { thickness, curve, .. } => curve(taps.scalar(thickness)).1,
-    }
 }

@@ -1,6 +1,7 @@
 //! The blade's mesh as other programs take it: positions in mm, normals out of the front, (0, 0) the top left corner of
 //! the front's maps.
 
+use glam::{DMat3, DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 
 /// Triangles with one entry a vertex in every list but `indices`.
@@ -28,6 +29,27 @@ impl ExportMesh {
             uvs: read.uvs.iter().map(|t| t.as_vec2().to_array()).collect(),
             indices: read.indices.clone(),
         }
+    }
+
+    /// The mesh at several places, as one mesh.
+    pub fn gathered(&self, places: &[DMat4]) -> ExportMesh {
+        let mut out = ExportMesh::default();
+        for place in places {
+            let (first, turn) = (out.positions.len() as u32, DMat3::from_mat4(*place));
+            let mirrored = turn.determinant() < 0.0;
+            let point = |p: &[f32; 3]| place.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array();
+            let turned = |v: [f32; 3]| (turn * DVec3::from(v.map(f64::from))).normalize_or_zero().as_vec3();
+            let hand = if mirrored { -1.0 } else { 1.0 };
+            out.positions.extend(self.positions.iter().map(point));
+            out.normals.extend(self.normals.iter().map(|n| turned(*n).to_array()));
+            out.tangents
+                .extend(self.tangents.iter().map(|[x, y, z, w]| turned([*x, *y, *z]).extend(hand * w).to_array()));
+            out.uvs.extend_from_slice(&self.uvs);
+            // A mirror reverses the order in which a triangle's corners run.
+            let corners = |t: &[u32]| if mirrored { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] };
+            out.indices.extend(self.indices.chunks_exact(3).flat_map(corners).map(|k| first + k));
+        }
+        out
     }
 
     /// The same surface seen from behind: the winding of triangles is reversed, normals are turned, and tangents still

@@ -11,6 +11,7 @@ use super::blade::ExportMesh;
 use super::texture::{TextureMirroring, encode, normal_pixel};
 use crate::coat::{ExportCoat, ExportLoss, coats};
 use crate::foreign::target::{ExportTarget, TargetSide};
+use crate::instanced;
 use crate::scene::{ExportScene, ExportSheet, ExportSky};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
@@ -49,21 +50,21 @@ pub fn write(shown: &ExportScene, path: &Path, kind: GltfPurpose) -> Result<Expo
     }
     let coats = coats(shown, target);
     let mut file = Glb::default();
-    let (mut meshes, mut materials) = (Vec::new(), Vec::new());
+    let (mut meshes, mut materials, mut sided) = (Vec::new(), Vec::new(), Vec::new());
     for coat in &coats {
         let sides: Vec<Side> = Side::ALL.into_iter().filter(|s| lit(coat, *s)).collect();
         let mut primitives = Vec::new();
         for side in &sides {
-            let shape = match side {
-                Side::Front => coat.sheet.mesh.clone(),
-                Side::Back => coat.sheet.mesh.turned(),
-            };
+            let shape = shape(coat.sheet, *side);
             primitives.push(primitive(&mut file, &shape, materials.len()));
             // A sheet with one side shows this side from behind, too.
             materials.push(material(&mut file, coat, *side, path, translucent, sides.len() == 1)?);
         }
+        let first = materials.len() - sides.len();
+        sided.push(sides.into_iter().zip(first..).collect());
         meshes.push(json!({"name": coat.sheet.name, "primitives": primitives}));
     }
+    let stands = if scene { instanced::nodes(shown, &sided, &mut file, &mut meshes, path)? } else { Vec::new() };
     let mut used = vec!["KHR_materials_specular"];
     if translucent {
         used.push("KHR_materials_diffuse_transmission");
@@ -75,7 +76,12 @@ pub fn write(shown: &ExportScene, path: &Path, kind: GltfPurpose) -> Result<Expo
         "materials": materials,
     });
     if scene {
-        nodes(&mut root, shown);
+        if !stands.is_empty() {
+            // A reader that does not know it would draw each plant once, and nobody would notice.
+            used.push(instanced::EXTENSION);
+            root["extensionsRequired"] = json!([instanced::EXTENSION]);
+        }
+        nodes(&mut root, shown, stands);
         if sun(&mut root, shown) {
             used.push("KHR_lights_punctual");
         }
@@ -108,6 +114,14 @@ pub(crate) fn lit(coat: &ExportCoat, side: Side) -> bool {
             let p = &t.sides[side];
             [p.rho_d, p.rho_s, p.rho_t].iter().flatten().any(|v| *v > 0.0)
         })
+}
+
+/// The shape of a side of a sheet, whose normals point out of this side.
+pub(crate) fn shape(sheet: &ExportSheet, side: Side) -> ExportMesh {
+    match side {
+        Side::Front => sheet.mesh.clone(),
+        Side::Back => sheet.mesh.turned(),
+    }
 }
 
 /// A shape with a material.
@@ -217,7 +231,8 @@ fn bare(shown: &ExportScene, path: &Path) -> Result<()> {
     let meshes: Vec<Value> = shown.sheets.iter().enumerate().map(&mut mesh).collect();
     let materials: Vec<Value> = shown.sheets.iter().map(|s| json!({"name": s.name, "doubleSided": true})).collect();
     let mut root = json!({"asset": glb::asset(), "scene": 0, "meshes": meshes, "materials": materials});
-    nodes(&mut root, shown);
+    let of_stands = shown.each_place().skip(shown.places.len());
+    nodes(&mut root, shown, of_stands.map(|(sheet, place)| one(shown, sheet, &place)).collect());
     file.write(path, root)
 }
 
@@ -229,12 +244,17 @@ pub fn looking(eye: DVec3, target: DVec3, up: DVec3) -> DMat4 {
     DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0))
 }
 
-/// The nodes of a scene: everything below one node that turns z up into y up and mm into metres.
-fn nodes(root: &mut Value, shown: &ExportScene) {
+/// The node of a sheet at a place.
+fn one(shown: &ExportScene, sheet: usize, place: &DMat4) -> Value {
+    json!({"mesh": sheet, "name": shown.sheets[sheet].name, "matrix": place.to_cols_array()})
+}
+
+/// The nodes of a scene, with those of plants that stand in many places: everything below one node that turns z up into
+/// y up and mm into metres.
+fn nodes(root: &mut Value, shown: &ExportScene, stands: Vec<Value>) {
     let mut all = vec![Value::Null];
-    for (sheet, place) in &shown.places {
-        all.push(json!({"mesh": sheet, "name": shown.sheets[*sheet].name, "matrix": place.to_cols_array()}));
-    }
+    all.extend(shown.places.iter().map(|(sheet, place)| one(shown, *sheet, place)));
+    all.extend(stands);
     let c = &shown.camera;
     let look = looking(c.eye, c.target, c.up);
     all.push(json!({"name": "camera", "camera": 0, "matrix": look.to_cols_array()}));

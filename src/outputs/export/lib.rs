@@ -10,6 +10,7 @@ pub mod coat;
 pub mod dress;
 pub mod foreign;
 mod gltf;
+mod instanced;
 mod materialx;
 mod mitsuba;
 mod obj;
@@ -168,6 +169,9 @@ impl From<Vec<PathBuf>> for ExportResult {
     }
 }
 
+/// The largest number of places that a format has where a plant is not held once.
+const MOST_PLACES: usize = 8_000_000;
+
 /// Writes what is shown as `format`, with its loss beside it: in a folder as `loss.json`, beside a file as
 /// `FILE.loss.json`. `scene` says whether it is a whole scene.
 ///
@@ -180,6 +184,15 @@ pub fn assemble(
     scene: bool,
     inputs: &[&Path],
 ) -> Result<ExportResult> {
+    let most = match format {
+        ExportFormat::Usd | ExportFormat::GltfTranslucent => usize::MAX,
+        _ => MOST_PLACES,
+    };
+    if shown.place_count() > most {
+        let found = format!("found {} leaves and pieces of wood at places of their own", shown.place_count());
+        let expected = format!("expected at most {most}; --to usd and gltf-translucent hold a plant once");
+        return Err(Error::Usage(format!("--to {}: {found}, {expected}", format.name())));
+    }
     if !format.is_assembly() {
         let kind = match (format, scene) {
             (_, true) => gltf::GltfPurpose::Scene,

@@ -229,7 +229,7 @@ fn places(text: &mut String, shown: &ExportScene) {
         format!("<shape type=\"ply\"><string name=\"filename\" value=\"meshes/{name}.ply\"/><ref id=\"m_{name}\"/>")
     };
     for (k, sheet) in shown.sheets.iter().enumerate() {
-        let places: Vec<&DMat4> = shown.places.iter().filter(|(of, _)| *of == k).map(|(_, m)| m).collect();
+        let places: Vec<DMat4> = shown.each_place().filter(|(of, _)| *of == k).map(|(_, m)| m).collect();
         if let [place] = places.as_slice() {
             let _ = writeln!(text, "  {}{}</shape>", shape(&sheet.name), matrix(place));
             continue;
@@ -240,7 +240,7 @@ fn places(text: &mut String, shown: &ExportScene) {
             sheet.name,
             shape(&sheet.name)
         );
-        for place in places {
+        for place in &places {
             let _ =
                 writeln!(text, "  <shape type=\"instance\"><ref id=\"g_{}\"/>{}</shape>", sheet.name, matrix(place));
         }

@@ -67,11 +67,11 @@ pub fn write(shown: &ExportScene, folder: &Path) -> Result<(Vec<PathBuf>, Export
             "ObjectBegin \"{name}\"\nNamedMaterial \"{name}\"\nShape \"plymesh\" \"string filename\" \
              \"meshes/{name}.ply\"{alpha}\nObjectEnd"
         );
-        for (_, place) in shown.places.iter().filter(|(of, _)| *of == k) {
+        for (_, place) in shown.each_place().filter(|(of, _)| *of == k) {
             let _ = writeln!(
                 text,
                 "AttributeBegin\nConcatTransform [ {} ]\nObjectInstance \"{name}\"\nAttributeEnd",
-                columns(place)
+                columns(&place)
             );
         }
     }

@@ -13,7 +13,7 @@ use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::side::{Side, Sides, mirror};
 use mesophyll_sky::panorama;
 use mesophyll_transport::world::{NormalFrame, ReferenceInterior, ReferenceLeaf, ReferenceSide};
-use mesophyll_transport::{ReferenceCamera, ReferenceSun, ReferenceWorld};
+use mesophyll_transport::{ReferenceCamera, ReferencePlacement, ReferenceSun, ReferenceWorld};
 use std::path::Path;
 
 /// Everything that is exported.
@@ -25,6 +25,10 @@ pub struct ExportScene {
     pub sheets: Vec<ExportSheet>,
     /// Places of the sheets: an index and a transform to the world (mm).
     pub places: Vec<(usize, DMat4)>,
+    /// Plants that stand in many places: the places of their sheets, in the frame of each plant.
+    pub groups: Vec<Vec<(usize, DMat4)>>,
+    /// Where these stand: an index and a transform to the world (mm).
+    pub stands: Vec<(usize, DMat4)>,
     /// The sun.
     pub sun: Option<ReferenceSun>,
     /// The light from all around.
@@ -242,6 +246,29 @@ fn parts_of_fit(folder: &Path, side: &ExportSideMaps) -> Result<Vec<ExportTexelS
 }
 
 impl ExportScene {
+    /// The number of [`ExportScene::each_place`].
+    pub fn place_count(&self) -> usize {
+        let of_stand = |(group, _): &(usize, DMat4)| self.groups[*group].len();
+        self.stands.iter().map(of_stand).fold(self.places.len(), usize::saturating_add)
+    }
+
+    /// Every place of every sheet, those of plants in many places too.
+    pub fn each_place(&self) -> impl Iterator<Item = (usize, DMat4)> {
+        let of_stand = |(group, stand): &(usize, DMat4)| {
+            let stand = *stand;
+            self.groups[*group].iter().map(move |(sheet, place)| (*sheet, stand * *place))
+        };
+        self.places.iter().copied().chain(self.stands.iter().flat_map(of_stand))
+    }
+
+    /// The places of each group that stands somewhere, with the group.
+    pub fn standing(&self) -> impl Iterator<Item = (&[(usize, DMat4)], Vec<DMat4>)> {
+        let mut places = vec![Vec::new(); self.groups.len()];
+        self.stands.iter().for_each(|(group, stand)| places[*group].push(*stand));
+        let each = self.groups.iter().map(Vec::as_slice).zip(places);
+        each.filter(|(group, places)| !group.is_empty() && !places.is_empty())
+    }
+
     /// The exposure in stops: powers of two that multiply radiance.
     pub fn stops(&self) -> f64 {
         self.exposure.log2()
@@ -273,6 +300,8 @@ impl ExportScene {
             name: leaf.name,
             sheets: vec![sheet],
             places: vec![(0, DMat4::IDENTITY)],
+            groups: Vec::new(),
+            stands: Vec::new(),
             sun: Some(ReferenceSun { direction, irradiance: [3.0, 2.95, 2.8], radius: 0.2666f64.to_radians() }),
             sky: ExportSky::Even([0.3; 3]),
             camera: ReferenceCamera {
@@ -319,7 +348,8 @@ impl ExportScene {
             world.dome.as_ref().and_then(|d| Some(d.seen_below? != (d.radiance)(-DVec3::Z))).unwrap_or_default(),
             "below the horizon the camera sees the ground's light and not the scene's background colour",
         );
-        let used: Vec<bool> = (0..world.leaves.len()).map(|k| world.instances.iter().any(|i| i.leaf == k)).collect();
+        let mut used = vec![false; world.leaves.len()];
+        world.numbered().for_each(|i| used[i.leaf] = true);
         let mut index = vec![0; world.leaves.len()];
         let mut sheets: Vec<ExportSheet> = Vec::new();
         for (k, leaf) in world.leaves.iter().enumerate().filter(|(k, _)| used[*k]) {
@@ -328,10 +358,13 @@ impl ExportScene {
             let taken = sheets.iter().any(|s: &ExportSheet| s.name == plain_name(&own));
             sheets.push(ExportSheet::of(&if taken { format!("{own}_{k}") } else { own }, leaf));
         }
+        let at = |i: &ReferencePlacement| (index[i.leaf], i.transform);
         ExportScene {
             name: name.to_string(),
             sheets,
-            places: world.instances.iter().map(|i| (index[i.leaf], i.transform)).collect(),
+            places: world.instances.iter().map(at).collect(),
+            groups: world.groups.iter().map(|group| group.iter().map(at).collect()).collect(),
+            stands: world.places.iter().map(|p| (p.group, p.transform)).collect(),
             sun: world.sun,
             sky,
             camera,

@@ -48,6 +48,7 @@ class Scope "Sheets"
             transform(place)
         );
     }
+    stands(&mut text, shown);
     lights(&mut text, shown, &mut textures)?;
     text.push_str("}\n");
     let mut unsaid = shown.left_out.clone();
@@ -63,6 +64,57 @@ class Scope "Sheets"
     let mut written = vec![path];
     written.append(&mut textures.written);
     Ok((written, lost))
+}
+
+/// Plants that stand in many places: a point instancer, whose prototypes are plants, which are point instancers of
+/// sheets themselves.
+fn stands(text: &mut String, shown: &ExportScene) {
+    let standing: Vec<_> = shown.standing().collect();
+    if standing.is_empty() {
+        return;
+    }
+    let places = standing.iter().enumerate().flat_map(|(k, (_, places))| places.iter().map(move |place| (k, *place)));
+    let names: Vec<String> = (0..standing.len()).map(|k| format!("plant_{k}")).collect();
+    text.push_str("    def PointInstancer \"Stand\"\n    {\n");
+    points(text, "        ", &places.collect::<Vec<_>>(), &names);
+    text.push_str("        def Scope \"Prototypes\"\n        {\n");
+    for ((group, _), name) in standing.iter().zip(&names) {
+        // The sheets that this plant has, and the number of each among them.
+        let mut sheets: Vec<usize> = group.iter().map(|(sheet, _)| *sheet).collect();
+        sheets.sort_unstable();
+        sheets.dedup();
+        let number = |sheet: usize| sheets.partition_point(|of| *of < sheet);
+        let leaves: Vec<(usize, DMat4)> = group.iter().map(|(sheet, place)| (number(*sheet), *place)).collect();
+        let parts: Vec<String> = sheets.iter().map(|sheet| shown.sheets[*sheet].name.clone()).collect();
+        let _ = writeln!(text, "            def PointInstancer \"{name}\"\n            {{");
+        points(text, "                ", &leaves, &parts);
+        text.push_str("                def Scope \"Prototypes\"\n                {\n");
+        for part in &parts {
+            let head = format!(
+                "def Xform \"{part}\" (\n    instanceable = true\n    references = </Sheets/{part}>\n)\n{{\n}}"
+            );
+            head.lines().for_each(|line| text.extend(["                    ", line, "\n"]));
+        }
+        text.push_str("                }\n            }\n");
+    }
+    text.push_str("        }\n    }\n");
+}
+
+/// The attributes of a point instancer: the number of a prototype and its place, for each point. Older readers take the
+/// turns in half precision, newer ones in single precision.
+fn points(text: &mut String, indent: &str, places: &[(usize, DMat4)], prototypes: &[String]) {
+    let parts: Vec<_> = places.iter().map(|(_, place)| place.to_scale_rotation_translation()).collect();
+    let three = |v: DVec3| format!("({}, {}, {})", v.x as f32, v.y as f32, v.z as f32);
+    let turns = list(&parts, |(_, q, _)| format!("({}, {}, {}, {})", q.w as f32, q.x as f32, q.y as f32, q.z as f32));
+    let lines = [
+        format!("rel prototypes = [{}]", list(prototypes, |name| format!("<Prototypes/{name}>"))),
+        format!("int[] protoIndices = [{}]", list(places, |(k, _)| k.to_string())),
+        format!("point3f[] positions = [{}]", list(&parts, |(_, _, at)| three(*at))),
+        format!("quath[] orientations = [{turns}]"),
+        format!("quatf[] orientationsf = [{turns}]"),
+        format!("float3[] scales = [{}]", list(&parts, |(scale, _, _)| three(*scale))),
+    ];
+    lines.iter().for_each(|line| text.extend([indent, line.as_str(), "\n"]));
 }
 
 /// A transform; USD multiplies row vectors, so its rows are our columns.

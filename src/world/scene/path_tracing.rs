@@ -271,8 +271,8 @@ pub(crate) fn made_from(scene: &LoadedScene, view: &PerspectiveView) -> Result<S
     }
     for stand in &scene.placed.stands {
         let wood = stand.wood.iter().map(|w| (&w.mesh.positions, &w.mesh.indices, w.bark)).collect::<Vec<_>>();
-        let shape = format!("{:?} {wood:?} {:?}", stand.leaves, stand.places);
-        parts.push(("stand".into(), hash::bytes(shape.as_bytes())));
+        let shape = hash::text(format_args!("{:?} {wood:?} {:?}", stand.leaves, stand.places));
+        parts.push(("stand".into(), shape));
     }
     let placed = format!("{:?}", scene.placed.placements);
     parts.push(("places".into(), hash::bytes(placed.as_bytes())));

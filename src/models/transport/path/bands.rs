@@ -121,7 +121,7 @@ impl<'a> BandTracer<'a> {
         };
         for turned in 1..=most {
             let surface = stage.surface(&met, SideBy::Triangle);
-            let of = &self.surfaces[stage.world.instances[surface.instance].leaf];
+            let of = &self.surfaces[stage.leaf_index(surface.instance)];
             let (rho_d, rho_t) = (&of.rho_d[usize::from(surface.back)], &of.rho_t);
             let mut scatter = ScatterPoint::new(stage, &surface, [1.0; 3], surface.rho_t());
             let rho_s = scatter.rho_s()[0];

@@ -3,7 +3,7 @@
 use super::scattering::ScatterPoint;
 use super::slopes::RadianceParameter;
 use crate::foliar::FoliarMaterial;
-use crate::stage::Surface;
+use crate::surface::Surface;
 use glam::DVec3;
 
 /// The derivatives by one parameter of what a point scatters.

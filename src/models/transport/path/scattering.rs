@@ -10,7 +10,8 @@
 
 use crate::foliar::{FoliarMaterial, FoliarModel, FoliarScattering, stream};
 use crate::lobe::{Lobe, M_FLOOR, ReflectionLobe};
-use crate::stage::{Stage, Surface};
+use crate::stage::Stage;
+use crate::surface::Surface;
 use glam::DVec3;
 use mesophyll_optics::foliar::ray::turned;
 use std::f64::consts::{PI, TAU};

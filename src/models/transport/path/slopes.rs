@@ -132,7 +132,7 @@ impl<'a> DerivativeTracer<'a> {
                 weigh = [1.0; 3];
             }
             let mut scatter = ScatterPoint::new(stage, &surface, weigh, surface.rho_t());
-            let (leaf, foliar) = (stage.world.instances[surface.instance].leaf, stage.foliar(surface.instance));
+            let (leaf, foliar) = (stage.leaf_index(surface.instance), stage.foliar(surface.instance));
             self.leaves.at(leaf, &surface, foliar, scatter.layered(), &mut points);
             scatter.raise(leaf_slopes::asked(&points), LEAST);
             if !by_lights {

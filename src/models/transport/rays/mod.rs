@@ -1,9 +1,10 @@
 //! Rays against triangles: which triangle a ray hits first, and whether anything blocks it.
 //!
 //! A [`TriangleTree`] is a mesh with a tree of boxes. A [`InstanceForest`] places shapes, each in any number of
-//! instances, and has a tree of boxes over the instances. The crate `obvhs` builds binary trees (PLOC: Meister &
-//! Bittner 2018; reinsertion: Meister & Bittner 2018). Here they become trees with eight children for each node
-//! ([`wide_tree`]), through which rays are then followed ([`traversal`]).
+//! instances, and has a tree of boxes over the instances. Instances may form groups, which stand in any number of
+//! places and are stored once: a ray is then carried into the group's space, and from there into the shape's. The crate
+//! `obvhs` builds binary trees (PLOC: Meister & Bittner 2018; reinsertion: Meister & Bittner 2018). Here they become
+//! trees with eight children for each node ([`wide_tree`]), through which rays are then followed ([`traversal`]).
 //!
 //! The tests of boxes and a first test of triangles use f32, eight at a time. Both are conservative: boxes are rounded
 //! outwards, and the first test accepts every triangle for which rounding leaves any doubt. The accepted triangles are
@@ -33,7 +34,8 @@ mod traversal;
 mod triangle;
 mod wide_tree;
 
-pub use forest::{InstanceForest, RayHit};
+pub use forest::{InstanceForest, Placements, RayHit};
+pub(crate) use frame::Bounds;
 pub use mesophyll_base::lanes::fetch;
 pub use ray::Ray;
 pub use shape::TriangleTree;

@@ -95,11 +95,10 @@ fn follow<L: SingleLanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<
         // A group that is not full repeats its last ray, which no bit of `who` names.
         let rays = std::array::from_fn(|k| rays[k.min(rays.len() - 1)]);
         let mut found: [Found; GROUP] = std::array::from_fn(|_| Found {
-            first: First { accept, farthest: f64::INFINITY, best: None },
+            first: First { accept, farthest: f64::INFINITY, best: None, place: None },
             limit: f64::INFINITY,
         });
-        if forest.placed.len() == 1 {
-            // A single instance needs no tree of instances.
+        if forest.is_one() {
             enter::<L>(forest, 0, &rays, who, [0.0; GROUP], &mut found);
         } else {
             let group = Group::new(&rays, who, [0.0; GROUP], &forest.tree, &found);
@@ -138,6 +137,27 @@ fn enter<L: SingleLanes>(
     }
 }
 
+/// Searches a group at one of its places for the rays `who`.
+#[inline(always)]
+fn enter_group<L: SingleLanes>(
+    forest: &InstanceForest,
+    place: usize,
+    rays: &[Ray; GROUP],
+    who: Who,
+    from: [f64; GROUP],
+    found: &mut [Found; GROUP],
+) {
+    let of = &forest.places[place];
+    let (mut rays, tree) = (*rays, &forest.groups[of.group]);
+    for k in each(who) {
+        rays[k] = rays[k].through(&of.to_local);
+        found[k].first.place = Some(place as u32);
+    }
+    let group = Group::new(&rays, who, from, tree, found);
+    walk::<L, _>(tree, group, &mut Members { forest, rays: &rays, found });
+    each(who).for_each(|k| found[k].first.place = None);
+}
+
 /// Tries a leaf's triangles.
 struct Packets<'t, 'a> {
     shape: &'t TriangleTree,
@@ -163,7 +183,7 @@ impl<L: SingleLanes> VisitTogether<L> for Packets<'_, '_> {
     }
 }
 
-/// Tries the instance of a leaf.
+/// Tries the instance of a leaf, or the group at a place.
 struct Instances<'t, 'a> {
     forest: &'t InstanceForest,
     rays: &'t [Ray; GROUP],
@@ -171,6 +191,27 @@ struct Instances<'t, 'a> {
 }
 
 impl<L: SingleLanes> VisitTogether<L> for Instances<'_, '_> {
+    #[inline(always)]
+    fn leaf(&mut self, code: u32, near: f32, who: Who, group: &mut Group) {
+        let mut from = [0.0; GROUP];
+        each(who).for_each(|k| from[k] = group.locals[k].t(near));
+        let k = code as usize;
+        match k.checked_sub(self.forest.single) {
+            None => enter::<L>(self.forest, k, self.rays, who, from, self.found),
+            Some(place) => enter_group::<L>(self.forest, place, self.rays, who, from, self.found),
+        }
+        each(who).for_each(|k| group.s[k] = group.locals[k].s(self.found[k].limit));
+    }
+}
+
+/// Tries an instance of a group, in whose space the rays are.
+struct Members<'t, 'a> {
+    forest: &'t InstanceForest,
+    rays: &'t [Ray; GROUP],
+    found: &'t mut [Found<'a>; GROUP],
+}
+
+impl<L: SingleLanes> VisitTogether<L> for Members<'_, '_> {
     #[inline(always)]
     fn leaf(&mut self, code: u32, near: f32, who: Who, group: &mut Group) {
         let mut from = [0.0; GROUP];

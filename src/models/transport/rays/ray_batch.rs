@@ -10,6 +10,7 @@ use crate::rays::ray::Ray;
 use crate::rays::shape::{TriangleTree, Triangles, Tried};
 use crate::rays::traversal::{Local, Visit, back, descend_without_branches};
 use crate::rays::triangle::PACKET;
+use glam::DVec3;
 use mesophyll_base::dispatch_lanes;
 use mesophyll_base::lanes::{SingleLanes, Waiting, prefetch};
 
@@ -48,9 +49,13 @@ struct Walker<'a> {
     limit: f64,
     /// The ray in the frame of the tree over the instances, where there are several.
     outer: Local,
+    /// The group that is walked at one of its places: its tree, and the ray in its space and in its tree's frame.
+    /// `None` in the tree over all instances and places.
+    group: Option<&'a Tree>,
+    in_group: (Ray, Local),
     /// The instance that is walked.
     instance: usize,
-    /// Its shape; `None` in the tree over the instances.
+    /// Its shape; `None` in the trees over instances.
     shape: Option<&'a TriangleTree>,
     tree: &'a Tree,
     /// The ray in the tree's frame, and the limit there.
@@ -58,9 +63,11 @@ struct Walker<'a> {
     s: f32,
     /// What it comes to next.
     current: Waiting,
-    /// How many children wait for it, and how many of them are instances.
+    /// How many children wait for it, how many of them are of trees over instances, and of those how many are of the
+    /// tree over all.
     count: usize,
     instances: usize,
+    places: usize,
     tried: Tried,
 }
 
@@ -102,13 +109,16 @@ fn alike(rays: &[Ray]) -> Vec<usize> {
 #[inline(always)]
 fn follow<L: SingleLanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<'_>, hits: &mut [Option<RayHit>]) {
     let deepest = forest.shapes.iter().map(|shape| shape.tree.waiting).max().unwrap_or(0);
-    let most = forest.tree.waiting + deepest;
+    let groups = forest.groups.iter().map(|tree| tree.waiting).max().unwrap_or(0);
+    let most = forest.tree.waiting + groups + deepest;
     let mut waiting = vec![Waiting::default(); TURNS * most];
     let mut walkers: [Walker<'_>; TURNS] = std::array::from_fn(|_| Walker {
         number: 0,
-        first: First { accept, farthest: f64::INFINITY, best: None },
+        first: First { accept, farthest: f64::INFINITY, best: None, place: None },
         limit: f64::INFINITY,
         outer: Local::NONE,
+        group: None,
+        in_group: (Ray { origin: DVec3::ZERO, direction: DVec3::ZERO }, Local::NONE),
         instance: 0,
         shape: None,
         tree: &forest.tree,
@@ -117,6 +127,7 @@ fn follow<L: SingleLanes>(forest: &InstanceForest, rays: &[Ray], accept: Accept<
         current: Waiting::default(),
         count: 0,
         instances: 0,
+        places: 0,
         tried: Tried::NONE,
     });
     let order = alike(rays);
@@ -167,10 +178,10 @@ impl<'a> Walker<'a> {
     fn begin(&mut self, forest: &'a InstanceForest, rays: &[Ray], left: &mut impl Iterator<Item = usize>) -> bool {
         for number in left {
             self.number = number;
-            (self.first.best, self.limit, self.count, self.instances) = (None, f64::INFINITY, 0, 0);
+            (self.first.best, self.first.place, self.limit) = (None, None, f64::INFINITY);
+            (self.group, self.count, self.instances, self.places) = (None, 0, 0, 0);
             let ray = &rays[number];
-            // A single instance needs no tree above its own.
-            if forest.placed.len() == 1 {
+            if forest.is_one() {
                 if self.enter(forest, ray, 0, 0.0) {
                     return true;
                 }
@@ -199,6 +210,36 @@ impl<'a> Walker<'a> {
         self.tried.begin(ray);
         self.walk(&shape.tree, Some(shape), local);
         true
+    }
+
+    /// Begins with the group at a place, before which the ray meets nothing until `from`; false where it misses it.
+    #[inline(always)]
+    fn enter_group(&mut self, forest: &'a InstanceForest, ray: &Ray, place: usize, from: f64) -> bool {
+        let of = &forest.places[place];
+        let tree = &forest.groups[of.group];
+        let ray = ray.through(&of.to_local);
+        let Some(local) = Local::new(&ray, from, &tree.frame, &tree.bounds) else { return false };
+        if tree.lines.is_empty() {
+            return false;
+        }
+        (self.group, self.in_group, self.first.place) = (Some(tree), (ray, local), Some(place as u32));
+        (self.places, self.instances) = (self.count, self.count);
+        self.walk(tree, None, local);
+        true
+    }
+
+    /// Begins with the instance or the place of a leaf of the tree that is walked; false where the ray misses it.
+    #[inline(always)]
+    fn enter_leaf(&mut self, forest: &'a InstanceForest, ray: &Ray) -> bool {
+        let (k, from) = ((self.current.code & !LEAF) as usize, self.local.t(self.current.near));
+        match (self.group, k.checked_sub(forest.single)) {
+            (Some(_), _) => {
+                let ray = self.in_group.0;
+                self.enter(forest, &ray, k, from)
+            }
+            (None, None) => self.enter(forest, ray, k, from),
+            (None, Some(place)) => self.enter_group(forest, ray, place, from),
+        }
     }
 
     /// Begins with a tree, at its root.
@@ -230,7 +271,7 @@ impl<'a> Walker<'a> {
             if *limit < before {
                 *s = local.s(*limit);
             }
-        } else if self.enter(forest, &rays[self.number], (code & !LEAF) as usize, self.outer.t(self.current.near)) {
+        } else if self.enter_leaf(forest, &rays[self.number]) {
             return true;
         }
         let mut next = back(waiting, &mut self.count, self.instances, self.s);
@@ -241,7 +282,15 @@ impl<'a> Walker<'a> {
                 return false;
             }
             // Back among the instances.
-            (self.tree, self.shape, self.local, self.instances) = (&forest.tree, None, self.outer, 0);
+            (self.tree, self.local) = self.group.map_or((&forest.tree, self.outer), |tree| (tree, self.in_group.1));
+            (self.shape, self.instances) = (None, self.places);
+            self.s = self.local.s(self.limit);
+            next = back(waiting, &mut self.count, self.instances, self.s);
+        }
+        if next.is_none() && self.group.is_some() {
+            // Back among all instances and places.
+            (self.tree, self.local, self.group, self.first.place) = (&forest.tree, self.outer, None, None);
+            (self.instances, self.places) = (0, 0);
             self.s = self.local.s(self.limit);
             next = back(waiting, &mut self.count, 0, self.s);
         }

@@ -157,7 +157,7 @@ impl At {
     fn new(world: &ReferenceWorld, receiver: &TransferReceiver, anchor: &Anchor) -> At {
         let placed = &world.instances[receiver.instance];
         let leaf = &world.leaves[placed.leaf];
-        let turn = rotation(placed);
+        let turn = rotation(&placed.transform);
         let points: Vec<(DVec3, DVec3)> = anchor
             .points
             .iter()

@@ -102,7 +102,7 @@ fn leaves_that_absorb_nothing_change_no_even_light() {
         let at = DVec3::new((1.7 * f).sin() * 15.0, (2.9 * f).cos() * 15.0, 0.6 * f - 9.0);
         world.instances.push(ReferencePlacement { leaf: 0, transform: DMat4::from_rotation_translation(turn, at) });
     }
-    let normal = crate::stage::rotation(&world.instances[7]) * DVec3::Z;
+    let normal = crate::stage::rotation(&world.instances[7].transform) * DVec3::Z;
     for method in [TransferMethod::Paths, TransferMethod::AmbientOcclusion] {
         let found = of(&world, 7, [2, 2], TransferRows::Both, TransferRequest { method, ..HARMONICS });
         for (rows, error) in under(&found, 6, &even()).iter().zip(&found.errors) {

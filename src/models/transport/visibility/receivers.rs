@@ -54,6 +54,10 @@ impl ShadowReceivers {
     /// [`Error::Input`] for a world that contradicts itself, a leaf of discs, or more than [`MOST_RECEIVERS`].
     pub fn new(world: &ReferenceWorld, edge_mm: &[f64]) -> Result<ShadowReceivers> {
         world.validate()?;
+        if !world.places.is_empty() {
+            let what = "groups of instances, expected instances that are each stored";
+            return Err(Error::input(Path::new("visibility"), what));
+        }
         let edge = |k: usize| edge_mm.get(k).copied().unwrap_or(f64::INFINITY);
         let blades: Vec<VisibilityMesh> =
             world.leaves.iter().enumerate().map(|(k, leaf)| refine(leaf, edge(k), k)).collect::<Result<_>>()?;

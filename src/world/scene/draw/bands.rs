@@ -34,7 +34,8 @@ pub fn surfaces(scene: &LoadedScene, wavelengths: &[f64]) -> Result<Vec<SurfaceB
     if !scene.placed.grass.is_empty() {
         return bad("grass", "the blades of a lawn have no spectrum; expected a scene without a lawn");
     }
-    if let Some(wood) = scene.placed.wood.first() {
+    let of_stands = scene.placed.stands.iter().flat_map(|stand| &stand.wood);
+    if let Some(wood) = scene.placed.wood.iter().chain(of_stands).next() {
         let what = format!("the wood of {} has three channels and no spectrum; expected leaves alone", wood.name);
         return bad("plant", &what);
     }

@@ -25,6 +25,8 @@ pub mod scene_reference;
 mod sections;
 pub mod soil;
 pub(crate) mod stands;
+#[cfg(all(test, feature = "render"))]
+mod stands_tests;
 pub mod sunlight;
 #[cfg(feature = "render")]
 pub mod transfer;

@@ -1,27 +1,42 @@
-//! Hands plants that stand in many places to the path tracer, leaf by leaf.
+//! Hands plants that stand in many places to the path tracer: a plant once for each of its poses, as a group that
+//! stands in many places. Plants with leaves that have maps of sunlight are handed over leaf by leaf, because the light
+//! that passes through a leaf depends on the turn of its plant.
 
 use crate::placed::PlacedScene;
 use crate::placed::plant::MOST_LEAVES;
+use crate::placed::stand::PlacedStand;
 use crate::world::{SceneWorld, WorldInstance, WorldSurface};
 use crate::{Error, Result};
 use glam::DMat4;
 use mesophyll_transport as transport;
 use std::path::Path;
 
-/// Numbers of surfaces and of instances that stands have in the path tracer's world, after all others.
+/// Whether each leaf of a stand is stored by itself.
+fn leaf_by_leaf(placed: &PlacedScene, stand: &PlacedStand) -> bool {
+    stand.leaves.iter().any(|p| placed.leaves[p.leaf].translucent.is_some())
+}
+
+/// A stand's leaves and pieces of wood that are drawn.
+fn members(placed: &PlacedScene, stand: &PlacedStand) -> usize {
+    stand.leaves.iter().filter(|p| placed.leaves[p.leaf].mesh.is_some()).count() + stand.wood.len()
+}
+
+/// Numbers of surfaces and of instances outside of groups that stands have in the path tracer's world, after all
+/// others.
 pub fn traced(placed: &PlacedScene) -> [usize; 2] {
-    let drawn = |leaf: usize| placed.leaves[leaf].mesh.is_some();
     placed.stands.iter().fold([0; 2], |[surfaces, instances], stand| {
-        let leaves = stand.leaves.iter().filter(|p| drawn(p.leaf)).count() + stand.wood.len();
-        let all = leaves.saturating_mul(stand.places.len());
+        let all = match leaf_by_leaf(placed, stand) {
+            true => members(placed, stand).saturating_mul(stand.places.len()),
+            false => 0,
+        };
         [surfaces + stand.wood.len() * stand.poses, instances.saturating_add(all)]
     })
 }
 
-/// Adds stands at rest to the path tracer's world: their wood once for each pose, and all plants leaf by leaf.
+/// Adds stands at rest to the path tracer's world: wood once for each pose, and all plants.
 ///
 /// # Errors
-/// [`Error::Input`] for more leaves than it follows light through.
+/// [`Error::Input`] for more leaves than it stores.
 pub fn trace(
     of: &SceneWorld,
     placed: &PlacedScene,
@@ -29,10 +44,19 @@ pub fn trace(
     out: &mut transport::ReferenceWorld,
     surface: impl Fn(&WorldSurface) -> Result<transport::ReferenceLeaf>,
 ) -> Result<()> {
-    let [_, more] = traced(placed);
-    if more > MOST_LEAVES {
-        let found = format!("{more} leaves and pieces of wood of plants that share poses");
-        let expected = format!("at most {MOST_LEAVES} for the path tracer; the real-time renderer draws more");
+    let once = |stand: &PlacedStand| match leaf_by_leaf(placed, stand) {
+        true => 0,
+        false => members(placed, stand).saturating_mul(stand.poses),
+    };
+    let [_, alone] = traced(placed);
+    let stored = placed.stands.iter().map(once).fold(alone, usize::saturating_add);
+    if stored > MOST_LEAVES {
+        let why = match alone > 0 {
+            true => "; plants with translucency maps are stored leaf by leaf",
+            false => "",
+        };
+        let found = format!("{stored} leaves and pieces of wood of plants that share poses{why}");
+        let expected = format!("at most {MOST_LEAVES} for the path tracer");
         return Err(Error::unexpected(path, "plant", found, expected));
     }
     for (k, stand) in placed.stands.iter().enumerate() {
@@ -42,12 +66,23 @@ pub fn trace(
             out.leaves.extend(std::iter::repeat_n(one, stand.poses));
         }
         let leaves: Vec<WorldInstance> = of.stand_leaves(k).collect();
-        for (place, pose) in &stand.places {
-            let leaf = |leaf: &WorldInstance| (leaf.surface, *place * leaf.transform);
-            let wood = (0..stand.wood.len()).map(|w| (first + w * stand.poses + *pose as usize, *place));
+        let plant = |pose: usize, place: DMat4| {
+            let leaf = move |leaf: &WorldInstance| (leaf.surface, place * leaf.transform);
+            let wood = (0..stand.wood.len()).map(move |w| (first + w * stand.poses + pose, place));
             let all = leaves.iter().map(leaf).chain(wood);
-            out.instances.extend(all.map(|(leaf, transform)| transport::ReferencePlacement { leaf, transform }));
+            all.map(|(leaf, transform)| transport::ReferencePlacement { leaf, transform })
+        };
+        if leaf_by_leaf(placed, stand) {
+            out.instances.extend(stand.places.iter().flat_map(|(place, pose)| plant(*pose as usize, *place)));
+            continue;
         }
+        let begin = out.groups.len();
+        out.groups.extend((0..stand.poses).map(|pose| plant(pose, DMat4::IDENTITY).collect()));
+        let at = |(place, pose): &(DMat4, u32)| transport::ReferencePlace {
+            group: begin + *pose as usize,
+            transform: *place,
+        };
+        out.places.extend(stand.places.iter().map(at));
     }
     Ok(())
 }
@@ -60,6 +95,7 @@ pub fn move_to(world: &mut transport::ReferenceWorld, placed: &PlacedScene, time
     let mut surface = world.leaves.len() - surfaces;
     let first = world.instances.len() - instances;
     let mut next = world.instances[first..].iter_mut();
+    let mut groups = world.groups.iter_mut();
     for stand in &placed.stands {
         for wood in &stand.wood {
             for pose in 0..stand.poses {
@@ -75,6 +111,12 @@ pub fn move_to(world: &mut transport::ReferenceWorld, placed: &PlacedScene, time
             drawn.iter().map(|leaf| stand.carried(leaf, pose)).collect()
         };
         let poses: Vec<Vec<DMat4>> = (0..stand.poses).map(of_pose).collect();
+        if !leaf_by_leaf(placed, stand) {
+            for (group, leaves) in groups.by_ref().take(stand.poses).zip(&poses) {
+                group.iter_mut().zip(leaves).for_each(|(to, leaf)| to.transform = *leaf);
+            }
+            continue;
+        }
         for (place, pose) in &stand.places {
             let leaves = &poses[*pose as usize];
             next.by_ref().take(leaves.len()).zip(leaves).for_each(|(to, leaf)| to.transform = *place * *leaf);

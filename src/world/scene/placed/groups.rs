@@ -42,10 +42,12 @@ pub struct PlantGroups {
 }
 
 impl PlantGroups {
-    /// Whether so many plants with so many leaves each share poses in a scene.
+    /// Whether so many plants with so many leaves each share poses in a scene. Where a scene repeats, plants in a wind
+    /// do not: they keep the turns that they have by themselves.
     pub fn form(manifest: &SceneManifest, plants: usize, leaves: usize) -> bool {
         let many = plants > MANY || (plants > FEW && plants.saturating_mul(leaves) > FEW_LEAVES);
-        many && manifest.transfer.is_none() && manifest.periodic.is_none()
+        let blown = manifest.wind.as_ref().is_some_and(|w| w.speed_m_s > 0.0);
+        many && manifest.transfer.is_none() && !(manifest.periodic.is_some() && blown)
     }
 
     /// Puts places into groups. In a wind each place gets the turn of its group.

@@ -21,7 +21,7 @@ use mesophyll_plants::import;
 use std::collections::BTreeSet;
 
 /// The largest number of leaves of all plants together that share no poses. The real-time renderer takes about a
-/// kilobyte for each. It is also the largest number of leaves through which the path tracer follows light.
+/// kilobyte for each. It is also the largest number of leaves that the path tracer stores.
 pub const MOST_LEAVES: usize = 8_000_000;
 
 /// Wood in the scene.

@@ -117,7 +117,13 @@ pub fn one_by_one(triangles: &[[DVec3; 3]], ray: &Ray) -> Option<RayHit> {
         let inverse = 1.0 / det;
         let t = (0..3).map(|k| weight[k] * seen[k][2]).sum::<f64>() * inverse * steep;
         if t.is_finite() && t > 0.0 && best.is_none_or(|b| t < b.t) {
-            best = Some(RayHit { t, instance: 0, triangle, barycentric: [weight[1] * inverse, weight[2] * inverse] });
+            best = Some(RayHit {
+                t,
+                instance: 0,
+                triangle,
+                barycentric: [weight[1] * inverse, weight[2] * inverse],
+                place: None,
+            });
         }
     }
     best
