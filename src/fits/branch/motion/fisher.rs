@@ -1,10 +1,42 @@
-//! What the periodograms tell of the parameters: covariance, coherence of channels, and whether they ask for drift.
+//! What the periodograms tell of the parameters: derivatives, covariance, coherence of channels, and whether they ask for drift.
 
 use super::whittle::{ExpectedPeriodograms, GustParameters};
 use mesophyll_base::fourier::Complex;
 use nalgebra::DMatrix;
 
 impl ExpectedPeriodograms<'_> {
+    /// ∂ln E/∂p for every parameter, over the band, channel after channel.
+    pub fn derivatives(&self, p: &GustParameters) -> Vec<Vec<f64>> {
+        let slopes = self.slopes(p);
+        let width = self.band.1 + 1 - self.band.0;
+        let values: Vec<Vec<f64>> = slopes.iter().map(|s| s[0].clone()).collect();
+        let whole = self.sum(p, &values);
+        let shared = |which: usize| -> Vec<f64> {
+            let at = |k: usize| {
+                let (c, k) = (k / width, k % width);
+                p.gain(c).powi(2) * slopes[self.spectra.window_of[c]][which][k]
+            };
+            (0..whole.len()).map(|k| at(k) / whole[k]).collect()
+        };
+        let one = |channel: usize, value: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            let at = |k: usize| if k / width == channel { value(k % width) / whole[k] } else { 0.0 };
+            (0..whole.len()).map(at).collect()
+        };
+        let channels = 0..self.channels();
+        let mut out = vec![shared(1), shared(2)];
+        out.extend(channels.clone().map(|c| {
+            let (power, mean) = (p.gain(c).powi(2), &values[self.spectra.window_of[c]]);
+            one(c, &|k| 2.0 * power * mean[k])
+        }));
+        if self.fitted_speed() {
+            out.push(shared(3));
+        }
+        if !self.drift.is_empty() {
+            out.extend(channels.map(|c| one(c, &|k| self.drift(p, c, k))));
+        }
+        out
+    }
+
     /// Fisher's information of the parameters.
     fn information(columns: &[Vec<f64>]) -> DMatrix<f64> {
         let n = columns.len();

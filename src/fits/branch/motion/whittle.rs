@@ -4,7 +4,9 @@ use super::MotionPrior;
 use super::spectra::Periodograms;
 use mesophyll_base::fourier::{Complex, FourierTransform};
 use mesophyll_base::solvers::{ClosureProblem, Options, lm};
+use std::cell::RefCell;
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 /// ln f_h, ln γ, ln G of every channel, 1/v where the wind's speed is fitted, and ln of the drift's density at the
 /// lowest frequency of the band for every channel where drift is fitted.
@@ -52,6 +54,9 @@ pub struct ExpectedPeriodograms<'a> {
     grid: usize,
     inverse: FourierTransform,
     forward: FourierTransform,
+    /// Cube roots of the gusts' factor at every frequency, in the order of [`Self::frequency`], where the wind's speed
+    /// is known. They take as long as all else of a density.
+    roots: OnceLock<Vec<f64>>,
 }
 
 impl<'a> ExpectedPeriodograms<'a> {
@@ -75,12 +80,13 @@ impl<'a> ExpectedPeriodograms<'a> {
             grid,
             inverse: mesophyll_base::fourier::inverse(grid),
             forward: mesophyll_base::fourier::forward(spectra.readings),
+            roots: OnceLock::new(),
         };
         if drift {
             // What is slower than the trend that was taken out is no longer there.
             let slowest = (PI * spectra.step * spectra.resolution() * 0.5 * (spectra.degree + 1) as f64).sin().powi(2);
             let walk = |f: f64| 1.0 / ((PI * f * spectra.step).sin().powi(2) + slowest);
-            let covariances = out.autocovariances(|f| [walk(f), 0.0], 0);
+            let [covariances] = out.autocovariances(|_, f| [[walk(f), 0.0]], 0);
             let shape = |w: usize| out.leaked(&covariances, w).into_iter().next().unwrap_or_default();
             out.drift = (0..spectra.windows.len()).map(shape).collect();
             for shape in &mut out.drift {
@@ -95,6 +101,7 @@ impl<'a> ExpectedPeriodograms<'a> {
     pub fn aliased(mut self) -> ExpectedPeriodograms<'a> {
         let rate = 1.0 / self.spectra.step;
         self.folds = ALIAS_FOLDS;
+        self.roots = OnceLock::new();
         self.bounds = (0.5 * rate, 1.5 * rate);
         self
     }
@@ -123,20 +130,21 @@ impl<'a> ExpectedPeriodograms<'a> {
         self.known.speed.map_or_else(|| p.0[2 + self.channels()], |v| 1.0 / v)
     }
 
-    /// One-sided density by frequency (Hz) for a gain of 1, and its derivatives by ln f_h, ln γ and 1/v:
+    /// One-sided density by frequency (its place and Hz) for a gain of 1, and its derivatives by ln f_h, ln γ and 1/v:
     /// [`Oscillator::response`] squared times the gusts' share, in a form that is quickly computed.
     ///
     /// [`Oscillator::response`]: mesophyll_plants::mechanics::wind::Oscillator::response
-    fn density(&self, p: &GustParameters) -> impl Fn(f64) -> [f64; 4] {
+    fn density(&self, p: &GustParameters) -> impl Fn(usize, f64) -> [f64; 4] {
         let (square, damping) = (p.resonance().powi(2), p.damping());
         let slowness = self.slowness(p);
         let top = (2.0 * PI * square).powi(2);
-        move |f| {
+        let roots = self.known.speed.map(|_| self.roots.get_or_init(|| self.roots(slowness)));
+        move |place, f| {
             let off = 2.0 * PI * (square - f * f);
             let damped = (f * damping).powi(2);
             let bottom = off * off + damped;
             let gusts = 1.0 + f * slowness;
-            let third = gusts.cbrt();
+            let third = roots.map_or_else(|| gusts.cbrt(), |roots| roots[place]);
             let value = top / (bottom * gusts * third * third);
             [
                 value,
@@ -147,26 +155,49 @@ impl<'a> ExpectedPeriodograms<'a> {
         }
     }
 
-    /// Autocovariances, for distances of 0, 1, 2 … steps, of readings with two one-sided densities.
-    fn autocovariances(&self, densities: impl Fn(f64) -> [f64; 2], folds: i32) -> [Vec<f64>; 2] {
+    /// The m-th fold of the k-th frequency of the grid (Hz).
+    fn frequency(&self, k: usize, m: i32) -> f64 {
         let rate = 1.0 / self.spectra.step;
+        (k as f64 * rate / self.grid as f64 + f64::from(m) * rate).abs()
+    }
+
+    /// Cube roots of the gusts' factor at all frequencies.
+    fn roots(&self, slowness: f64) -> Vec<f64> {
+        let folds = |k: usize| (-self.folds..=self.folds).map(move |m| (k, m));
+        let root = |(k, m)| (1.0 + self.frequency(k, m) * slowness).cbrt();
+        (0..=self.grid / 2).flat_map(folds).map(root).collect()
+    }
+
+    /// Autocovariances, for distances of 0, 1, 2 … steps, of readings with pairs of one-sided densities. These are
+    /// given the place of a frequency in the order of `roots`, and the frequency (Hz).
+    fn autocovariances<const N: usize>(
+        &self,
+        densities: impl Fn(usize, f64) -> [[f64; 2]; N],
+        folds: i32,
+    ) -> [[Vec<f64>; 2]; N] {
         let half = self.grid / 2;
-        let mut line = vec![Complex::new(0.0, 0.0); self.grid];
+        let mut lines = [(); N].map(|()| vec![Complex::new(0.0, 0.0); self.grid]);
+        let mut place = 0;
         for k in 0..=half {
-            let f = k as f64 * rate / self.grid as f64;
-            let mut folded = Complex::new(0.0, 0.0);
+            let mut folded = [Complex::new(0.0, 0.0); N];
             for m in -folds..=folds {
-                let [a, b] = densities((f + f64::from(m) * rate).abs());
-                folded += Complex::new(a, b);
+                for (sum, [a, b]) in folded.iter_mut().zip(densities(place, self.frequency(k, m))) {
+                    *sum += Complex::new(a, b);
+                }
+                place += 1;
             }
-            line[k] = 0.5 * folded;
-            line[(self.grid - k) % self.grid] = line[k];
+            for (line, folded) in lines.iter_mut().zip(folded) {
+                line[k] = 0.5 * folded;
+                line[(self.grid - k) % self.grid] = line[k];
+            }
         }
-        // Both are even, so their transforms are real and stay apart.
-        self.inverse.process(&mut line);
-        let scale = rate / self.grid as f64;
-        line.truncate(self.spectra.readings);
-        [line.iter().map(|c| c.re * scale).collect(), line.iter().map(|c| c.im * scale).collect()]
+        let scale = 1.0 / self.spectra.step / self.grid as f64;
+        lines.map(|mut line| {
+            // Both are even, so their transforms are real and stay apart.
+            self.inverse.process(&mut line);
+            line.truncate(self.spectra.readings);
+            [line.iter().map(|c| c.re * scale).collect(), line.iter().map(|c| c.im * scale).collect()]
+        })
     }
 
     /// One-sided means of the periodogram over the band of readings with these autocovariances: each is weighted by the
@@ -187,23 +218,20 @@ impl<'a> ExpectedPeriodograms<'a> {
     /// Mean of the periodogram over the band for a gain of 1, without noise and drift, for every window.
     pub fn mean(&self, p: &GustParameters) -> Vec<Vec<f64>> {
         let density = self.density(p);
-        let covariances = self.autocovariances(|f| [density(f)[0], 0.0], self.folds);
+        let [covariances] = self.autocovariances(|place, f| [[density(place, f)[0], 0.0]], self.folds);
         (0..self.spectra.windows.len())
             .map(|w| self.leaked(&covariances, w).into_iter().next().unwrap_or_default())
             .collect()
     }
 
     /// The same, and its derivatives by ln f_h, ln γ and 1/v.
-    fn slopes(&self, p: &GustParameters) -> Vec<[Vec<f64>; 4]> {
+    pub(super) fn slopes(&self, p: &GustParameters) -> Vec<[Vec<f64>; 4]> {
         let density = self.density(p);
-        let pair = |a: usize, b: usize| {
-            let both = |f: f64| {
-                let all = density(f);
-                [all[a], all[b]]
-            };
-            self.autocovariances(both, self.folds)
+        let pairs = |place: usize, f: f64| {
+            let [value, resonance, damping, slowness] = density(place, f);
+            [[value, resonance], [damping, slowness]]
         };
-        let (first, second) = (pair(0, 1), pair(2, 3));
+        let [first, second] = self.autocovariances(pairs, self.folds);
         let one = |w: usize| {
             let ([a, b], [c, d]) = (self.leaked(&first, w), self.leaked(&second, w));
             [a, b, c, d]
@@ -212,7 +240,7 @@ impl<'a> ExpectedPeriodograms<'a> {
     }
 
     /// Density of the drift of a channel at the k-th frequency of the band.
-    fn drift(&self, p: &GustParameters, channel: usize, k: usize) -> f64 {
+    pub(super) fn drift(&self, p: &GustParameters, channel: usize, k: usize) -> f64 {
         let Some(shape) = self.drift.get(self.spectra.window_of[channel]) else { return 0.0 };
         p.0[self.drifts() + channel].exp() * shape[k]
     }
@@ -222,7 +250,7 @@ impl<'a> ExpectedPeriodograms<'a> {
         self.sum(p, &self.mean(p))
     }
 
-    fn sum(&self, p: &GustParameters, mean: &[Vec<f64>]) -> Vec<f64> {
+    pub(super) fn sum(&self, p: &GustParameters, mean: &[Vec<f64>]) -> Vec<f64> {
         let one = |c: usize| {
             let (power, mean) = (p.gain(c).powi(2), &mean[self.spectra.window_of[c]]);
             mean.iter().enumerate().map(move |(k, e)| power * e + self.drift(p, c, k) + self.spectra.floor)
@@ -290,15 +318,19 @@ impl<'a> ExpectedPeriodograms<'a> {
     /// its own mean. `None` where the solver finds none.
     pub fn fit(&self, start: &GustParameters) -> Option<(GustParameters, f64)> {
         let measured = self.measured();
+        // The solver asks for derivatives where it asked for residuals last.
+        let last: RefCell<(Vec<f64>, Vec<f64>)> = RefCell::default();
         let residuals = |params: &[f64], out: &mut [f64]| {
             let whole = self.whole(&GustParameters(params.to_vec()));
             for ((out, i), e) in out.iter_mut().zip(&measured).zip(&whole) {
                 *out = deviance(i / e);
             }
+            *last.borrow_mut() = (params.to_vec(), whole);
         };
         let jacobian = |params: &[f64], out: &mut [f64]| {
             let p = GustParameters(params.to_vec());
-            let whole = self.whole(&p);
+            let last = last.borrow();
+            let whole = if last.0 == params { last.1.clone() } else { self.whole(&p) };
             for (column, out) in self.derivatives(&p).iter().zip(out.chunks_mut(measured.len())) {
                 for (k, (out, slope)) in out.iter_mut().zip(column).enumerate() {
                     let rho = measured[k] / whole[k];
@@ -333,38 +365,6 @@ impl<'a> ExpectedPeriodograms<'a> {
         let found = lm::minimize(&problem, &start.0, &options);
         let usable = found.params.iter().all(|v| v.is_finite()) && found.cost.is_finite();
         usable.then_some((GustParameters(found.params), found.cost))
-    }
-
-    /// ∂ln E/∂p for every parameter, over the band, channel after channel.
-    pub fn derivatives(&self, p: &GustParameters) -> Vec<Vec<f64>> {
-        let slopes = self.slopes(p);
-        let width = self.band.1 + 1 - self.band.0;
-        let values: Vec<Vec<f64>> = slopes.iter().map(|s| s[0].clone()).collect();
-        let whole = self.sum(p, &values);
-        let shared = |which: usize| -> Vec<f64> {
-            let at = |k: usize| {
-                let (c, k) = (k / width, k % width);
-                p.gain(c).powi(2) * slopes[self.spectra.window_of[c]][which][k]
-            };
-            (0..whole.len()).map(|k| at(k) / whole[k]).collect()
-        };
-        let one = |channel: usize, value: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            let at = |k: usize| if k / width == channel { value(k % width) / whole[k] } else { 0.0 };
-            (0..whole.len()).map(at).collect()
-        };
-        let channels = 0..self.channels();
-        let mut out = vec![shared(1), shared(2)];
-        out.extend(channels.clone().map(|c| {
-            let (power, mean) = (p.gain(c).powi(2), &values[self.spectra.window_of[c]]);
-            one(c, &|k| 2.0 * power * mean[k])
-        }));
-        if self.fitted_speed() {
-            out.push(shared(3));
-        }
-        if !self.drift.is_empty() {
-            out.extend(channels.map(|c| one(c, &|k| self.drift(p, c, k))));
-        }
-        out
     }
 }
 

@@ -99,13 +99,3 @@ fn measured(shift: f64, change: &dyn Fn(f64, [f64; 2]) -> [f64; 2]) -> Option<Ve
     }
     Some(out)
 }
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn faults_of_a_spectrum_are_never_ok() {
-        for row in super::rows() {
-            assert!(row.passed(), "{row:?}");
-        }
-    }
-}

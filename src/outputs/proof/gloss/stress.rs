@@ -240,15 +240,3 @@ fn digits(fit: &GlossTexelFit, truth: &GlossFitTruth) -> Option<f64> {
     see("tilt", fit.tilt[0], truth.tilt[0], truth.tilt[0].abs().max(0.35));
     worst
 }
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn every_case_gets_its_verdict() {
-        let rows = super::rows();
-        let missed: Vec<_> = rows.iter().filter(|r| !r.passed()).collect();
-        assert!(missed.is_empty(), "{missed:#?}");
-        // Where an answer is promised, it has the digits that the noise allows (at 1 %, two to three and a half).
-        assert!(rows.iter().filter(|r| r.verdict == "ok").all(|r| r.digits.is_some_and(|d| d > 1.0)), "{rows:#?}");
-    }
-}

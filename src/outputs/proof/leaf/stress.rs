@@ -153,7 +153,7 @@ fn cases() -> Vec<Case> {
 /// [`Error::Write`] where no temporary folder can be had.
 pub fn rows() -> Result<Vec<StressRow>> {
     let mut rows = cases().iter().map(run).collect::<Result<Vec<_>>>()?;
-    rows.extend(super::faults::rows("")?);
+    rows.extend(super::faults::rows()?);
     Ok(rows)
 }
 

@@ -23,12 +23,12 @@ pub(crate) fn stepped(f: f64, gamma: f64, force: f64, step: f64, n: usize, seed:
     let sub = 20u32.max((TAU * f * step / 0.03).ceil() as u32);
     let (dt, omega2) = (step / f64::from(sub), (TAU * f).powi(2));
     let (mut x, mut v) = (0.0, 0.0);
+    let kept = (-gamma * dt).exp();
     let mut out = Vec::with_capacity(n);
     for k in 0..n + 200 {
         for _ in 0..sub {
             // Half a step of the place, a full step of the speed with exact damping, and half a step of the place.
             x += 0.5 * dt * v;
-            let kept = (-gamma * dt).exp();
             v = v * kept - omega2 * x * (1.0 - kept) / gamma + force * dt.sqrt() * normal(&mut rng);
             x += 0.5 * dt * v;
         }
