@@ -66,7 +66,7 @@ const LEFT_OUT: [(&str, &str); 32] = [
 ];
 
 /// Commands that are made smaller for the test: the printed words, and the words that are run instead.
-const SMALLER: [(&str, &str); 17] = [
+const SMALLER: [(&str, &str); 18] = [
     ("--acquisition photo --size 960x720", "--acquisition photo --size 160x120"),
     ("--fps 4 -o out/autumn-film", "--fps 0.2 --size 60x60 -o out/autumn-film"),
     ("--to 4 -o out/breeze", "--to 0.1 --size 60x60 -o out/breeze"),

@@ -1,4 +1,5 @@
-//! Plants that stand in many places, in files for other programs: every leaf is where it was, and a plant is there once.
+//! Plants that stand in many places, in files for other programs: every leaf is where it was, and a plant is there
+//! once.
 
 use crate::assembled::shown;
 use crate::plants::validated;
@@ -113,9 +114,9 @@ fn a_stand_is_an_instanced_gltf() {
             let normals = floats(&root, &bin, &attributes["NORMAL"]);
             assert!(normals.iter().all(|n| (Vec3::from_slice(n).length() - 1.0).abs() < 1e-5));
             for place in places(&root, &bin, node) {
-                found.extend(points.iter().map(|p| {
-                    place.transform_point3(Vec3::from_slice(p)).to_array().map(f64::from)
-                }));
+                found.extend(
+                    points.iter().map(|p| place.transform_point3(Vec3::from_slice(p)).to_array().map(f64::from)),
+                );
             }
         }
         close(&sorted(found), &corners(shown.each_place().map(|(_, place)| place)), 2e-3);
@@ -169,7 +170,7 @@ fn other_formats_write_every_leaf() {
     let shown = stand();
     assert_eq!(shown.each_place().count(), 1 + 4 * 3 + 2 * 60);
     for (format, file, word) in
-        [(ExportFormat::Mitsuba, "scene.xml", "type=\"instance\""), (ExportFormat::Pbrt, "scene.pbrt", "ObjectInstance")]
+        [(ExportFormat::Mitsuba, "scene.xml", "\"instance\""), (ExportFormat::Pbrt, "scene.pbrt", "ObjectInstance")]
     {
         let out = folder.path().join(format.name());
         assemble(&shown, format, &out, true, &[]).unwrap();

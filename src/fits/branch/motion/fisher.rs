@@ -1,4 +1,5 @@
-//! What the periodograms tell of the parameters: derivatives, covariance, coherence of channels, and whether they ask for drift.
+//! What the periodograms tell of the parameters: derivatives, covariance, coherence of channels, and whether they ask
+//! for drift.
 
 use super::whittle::{ExpectedPeriodograms, GustParameters};
 use mesophyll_base::fourier::Complex;
