@@ -74,6 +74,8 @@ pub struct DesignChoice {
 
 /// The information on a parameter that is known exactly. A larger number would not be finite in products.
 const EXACT: f64 = 1e100;
+/// Where a parameter's share that no other one explains is less than this, double precision does not hold it to 1 %.
+const LOST: f64 = 1e-14;
 /// An exchange must lower the criterion by this share.
 const GAIN: f64 = 1e-6;
 
@@ -148,7 +150,11 @@ impl DesignProblem {
         // Parameters of unlike units are brought to one scale before the inversion.
         let scale: Vec<f64> = (0..p).map(|k| information[(k, k)].sqrt().recip()).collect();
         let scaled = DMatrix::from_fn(p, p, |i, j| information[(i, j)] * scale[i] * scale[j]);
-        let inverse = scaled.cholesky()?.inverse();
+        let root = scaled.cholesky()?;
+        if root.l_dirty().diagonal().iter().any(|pivot| !(pivot * pivot > LOST)) {
+            return None;
+        }
+        let inverse = root.inverse();
         Some(DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] * scale[i] * scale[j]))
     }
 

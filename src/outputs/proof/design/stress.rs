@@ -23,7 +23,7 @@ const EQUAL: f64 = 1e-6;
 /// A case: its name, the verdict that it must get, and how it gets one.
 type Case = (&'static str, &'static str, fn() -> Result<String>);
 
-const CASES: [Case; 17] = [
+const CASES: [Case; 18] = [
     ("a single reading to choose from", "ok", one_reading),
     ("a single reading that is asked for", "ok", one_of_many),
     ("all frames are identical", "ok", identical),
@@ -35,7 +35,8 @@ const CASES: [Case; 17] = [
     ("readings of infinite noise among good ones", "ok", blind_readings),
     ("two situations that each need another reading", "ok", contrary),
     ("units 1e12 apart", "ok", unlike_units),
-    ("errors 1e9 apart", "ok", unlike_errors),
+    ("errors 1e4 apart", "ok", unlike_errors),
+    ("errors 1e9 apart", "refused", too_unlike_errors),
     ("a Jacobian that is not a number", "refused", not_a_number),
     ("nothing is wanted", "refused", nothing_wanted),
     ("10 000 places of the tube", "ok", ten_thousand),
@@ -196,14 +197,24 @@ fn unlike_units() -> Result<String> {
     ))
 }
 
-/// A reading with a billionth of the others' error is the first, and the rest are still told apart.
-fn unlike_errors() -> Result<String> {
+/// The line with one reading whose error is smaller than the others' by this factor.
+fn one_exact(factor: f64) -> DesignProblem {
     let mut line = line(31);
-    line.situations[0].rows[4] = vec![1e10, 1e10 * (8.0 / 30.0 - 1.0)];
-    let found = chosen(&line, 2)?;
-    // The exact reading fixes a sum; the error of the constant is that of the best partner, the end far from it.
-    let best = (0..31).filter(|k| *k != 4).filter_map(|k| Some(line.judge(&[k.min(4), k.max(4)])?.ratio));
-    Ok(equal("ratio", &[found.ratio], &[best.fold(f64::INFINITY, f64::min)]))
+    line.situations[0].rows[4].iter_mut().for_each(|v| *v *= factor);
+    line
+}
+
+/// The exact reading fixes a sum, and its best partner is the far end: the errors of a line through one known point.
+fn unlike_errors() -> Result<String> {
+    let found = chosen(&one_exact(1e4), 2)?;
+    let near: f64 = 8.0 / 30.0 - 1.0;
+    let along = 1.0 / (100.0 * (1.0 - near).powi(2) + 1e-4 * (1.0 + near * near));
+    Ok(equal("errors", &found.errors, &[near.abs() * along.sqrt(), along.sqrt()]))
+}
+
+/// Double precision does not hold what the other readings add.
+fn too_unlike_errors() -> Result<String> {
+    refused(&one_exact(1e9))
 }
 
 fn not_a_number() -> Result<String> {
