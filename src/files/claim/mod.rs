@@ -142,6 +142,11 @@ pub fn folder_for(folder: &Path, kind: OutputKind, inputs: &[&Path], with: Claim
     if let Some(capture) = place.ancestors().skip(1).find(|a| is_capture(a)) {
         return refuse(&format!("lies inside the capture {}", capture.display()));
     }
+    // A folder called `film.gif` would look as if the verb could write such a file.
+    if let Some(found) = ending(&place).filter(|e| ENDINGS.contains(&e.as_str()) && !place.exists()) {
+        let what = format!("found the ending of a file, .{found}; this is a folder, expected a folder's name");
+        return Err(Error::Usage(format!("the output {}: {what}", folder.display())));
+    }
     // A folder that another run makes just now says so before anything else: what it holds changes.
     let claim = FolderClaim::take(&place, with)?;
     fits_in(folder, &place, kind)?;

@@ -28,6 +28,22 @@ fn an_output_replaces_what_its_verb_writes_and_nothing_else() {
     }
 }
 
+#[test]
+fn a_new_folder_is_not_called_like_a_file() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["film.gif", "r.png", "elm.GLB"] {
+        let refused = super::folder(&dir.path().join(name), super::OutputKind::Film, &[]);
+        let Err(sentence) = refused.map(drop).map_err(|e| e.to_string()) else { panic!("{name} was made") };
+        assert!(sentence.contains(name) && sentence.contains("expected a folder's name"), "{sentence}");
+        assert!(!dir.path().join(name).exists());
+    }
+    // A point in a name is no ending, and what is there already is a folder.
+    fs::create_dir(dir.path().join("old.png")).unwrap();
+    for name in ["v1.2", "elm.july", "old.png"] {
+        assert!(super::folder(&dir.path().join(name), super::OutputKind::Film, &[]).is_ok(), "{name}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn pipes_in_an_output_folder_do_not_hang() {

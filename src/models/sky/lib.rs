@@ -156,7 +156,8 @@ pub fn check(sun_zenith: f64, turbidity: f64, [low, high]: [f64; 2]) -> Result<f
     }
     if sun_zenith > FRAC_PI_2 + HORIZON_ROUNDING {
         return Err(SkyRefusal(format!(
-            "sun_zenith is {sun_zenith}: the sun is below the horizon; expected 0 to pi/2"
+            "sun_zenith is {sun_zenith} ({:.2}°): the sun is below the horizon; expected 0 to pi/2 (90°)",
+            sun_zenith.to_degrees()
         )));
     }
     if !(low..=high).contains(&turbidity) {

@@ -21,8 +21,8 @@ pub struct PictureComparison {
     pub flip_mean: f64,
     /// 99 % of the pixels have a FLIP error of at most this.
     pub flip_p99: f64,
-    /// Largest difference in a channel of the 8-bit pictures, over pixels that are interior and outside penumbras.
-    /// `None` when the view has no such pixel.
+    /// Largest difference in a channel of the 8-bit pictures, over pixels that show a surface, are interior and
+    /// outside penumbras. `None` when the view has no such pixel.
     pub max_error: Option<f64>,
     /// Column and row of that pixel; the first one, if there are several.
     pub max_at: Option<(usize, usize)>,
@@ -62,8 +62,11 @@ fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bo
     let flip = flip_map(&reference.ldr, picture, width, height);
     let mut errors = Vec::new();
     let (mut largest, mut max_at) = (None, None);
+    // A pixel of the sky is all of one surface, too, and says nothing of how a surface is shaded.
+    let shows_leaf = |k: usize| reference.hdr[k][3] > 0.0;
+    let judged = |k: usize| shows_leaf(k) && judged.get(k) == Some(&true);
     for (k, (a, b)) in reference.ldr.iter().zip(picture).enumerate() {
-        if judged.get(k) == Some(&true) {
+        if judged(k) {
             let error = (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap_or(0);
             if largest.is_none_or(|l| error > l) {
                 (largest, max_at) = (Some(error), Some((k % width, k / width)));
@@ -72,9 +75,7 @@ fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bo
         }
     }
     errors.sort_unstable();
-    let shows_leaf = |k: usize| reference.hdr[k][3] > 0.0;
     let leaf = (0..width * height).filter(|&k| shows_leaf(k)).count();
-    let judged_leaf = (0..width * height).filter(|&k| shows_leaf(k) && judged.get(k) == Some(&true)).count();
     let mut sorted = flip.clone();
     sorted.sort_unstable_by(f32::total_cmp);
     Ok(PictureComparison {
@@ -85,7 +86,7 @@ fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bo
         max_error: largest.map(|e| f64::from(e) / 255.0),
         max_at,
         error_p99: percentile(&errors, 0.99).map(|e| f64::from(e) / 255.0),
-        interior_share: judged_leaf as f64 / leaf.max(1) as f64,
+        interior_share: errors.len() as f64 / leaf.max(1) as f64,
         flip,
     })
 }

@@ -102,13 +102,9 @@ fn judge(error: &ReferenceError, out: &mut ViewFigures) {
         out.why.push(format!("99 % FLIP is {:.4} from the reference, at most {limit:.4} allowed", error.flip_p99));
     }
     let limit = out.threshold_max_error.unwrap_or(0.0);
-    match error.max_error {
-        None => out.why.push("no pixel of a leaf's interior to judge the largest error on".into()),
-        Some(e) if exceeds(e, limit) => {
-            let (x, y) = error.max_at.unwrap_or_default();
-            let what = if out.blocks.is_some() { "block" } else { "pixel" };
-            out.why.push(format!("{what} ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
-        }
-        Some(_) => {}
+    if let Some(e) = error.max_error.filter(|e| exceeds(*e, limit)) {
+        let (x, y) = error.max_at.unwrap_or_default();
+        let what = if out.blocks.is_some() { "block" } else { "pixel" };
+        out.why.push(format!("{what} ({x}, {y}) is {e:.4} from the reference, at most {limit:.4} allowed"));
     }
 }

@@ -18,7 +18,7 @@ use mesophyll_sky::irradiance::{add_ground, below_horizon};
 use mesophyll_sky::polynomials::mix::{TURBIDITY_ZERO, rgb_from_separable};
 use mesophyll_sky::polynomials::{FoldedPolynomials, PolynomialBasis};
 use mesophyll_sky::truncation::{RadianceError, radiance_error};
-use mesophyll_sky::{HarmonicCoefficients, Preetham, SkyModel, SkyRefusal, preetham};
+use mesophyll_sky::{HORIZON_ROUNDING, HarmonicCoefficients, Preetham, SkyModel, SkyRefusal, preetham};
 use state::{SkyAccess, SkyConstants};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
@@ -166,6 +166,17 @@ pub fn text(folder: &Path, format: ExportFormat, options: &SkyExportOptions) -> 
         functions::write(&mut text, access, form.bands());
         return Ok(text.finish());
     };
+    let degrees = sun_zenith.to_degrees();
+    if !(0.0..=90.0 + HORIZON_ROUNDING.to_degrees()).contains(&degrees) {
+        let what = format!("--sun-zenith-deg is {degrees}; expected 0 (zenith) to 90 (horizon)");
+        return Err(Error::Usage(what));
+    }
+    let [low, high] = form.turbidities();
+    if !(low..=high).contains(&turbidity) {
+        let what = format!("the fit {} covers {low} to {high}", folder.display());
+        let cure = "`fit sky --turbidity LOW,HIGH` makes one that covers more";
+        return Err(Error::Usage(format!("--turbidity is {turbidity}; {what}, and {cure}")));
+    }
     let upper = coefficients(&form, sun_zenith, turbidity).map_err(refused)?;
     let ground = state::of_ground(&upper, options.ground);
     let harmonics = if options.ground > 0.0 { add_ground(&upper, [options.ground; 3], [0.0; 3]) } else { upper };

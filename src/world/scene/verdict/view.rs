@@ -242,14 +242,19 @@ impl ViewFigures {
             ));
         } else if let Some(e) = &self.error {
             said.push(format!(
-                "FLIP 99 % {:.4} (allowed {:.4}, noise {}), largest error {} (allowed {:.4}, noise {})",
+                "FLIP 99 % {:.4} (allowed {:.4}, noise {})",
                 e.flip_p99,
                 self.threshold_flip_p99.unwrap_or(f64::NAN),
-                or_dash(e.noise_flip_p99),
-                or_dash(e.max_error),
-                self.threshold_max_error.unwrap_or(0.0),
-                or_dash(e.noise_max_error)
+                or_dash(e.noise_flip_p99)
             ));
+            said.push(match e.max_error {
+                Some(error) => format!(
+                    "largest error {error:.4} (allowed {:.4}, noise {})",
+                    self.threshold_max_error.unwrap_or(0.0),
+                    or_dash(e.noise_max_error)
+                ),
+                None => "largest error not judged (no pixel lies within a surface)".into(),
+            });
         }
         if let Some(cost) = &self.cost {
             said.push(format!(
