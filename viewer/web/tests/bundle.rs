@@ -85,9 +85,9 @@ fn other_bytes_are_refused() {
     assert!(matches!(Bundle::read(b""), Err(Error::Kind)));
     assert!(matches!(Bundle::read(b"\x89PNG\r\n\x1a\n and more"), Err(Error::Kind)));
     let mut later = good.clone();
-    later[8] = 2;
+    later[8] = 3;
     let said = Bundle::read(&later).unwrap_err().to_string();
-    assert_eq!(said, "found version 2 of the format, expected version 1; export the scene again");
+    assert_eq!(said, "found version 3 of the format, expected version 2; export the scene again");
     for end in (12..good.len()).step_by(7) {
         assert!(matches!(Bundle::read(&good[..end]), Err(Error::Damaged(_))), "cut after {end} bytes");
     }

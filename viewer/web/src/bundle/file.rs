@@ -8,7 +8,7 @@ use std::io::{Read, Write};
 /// The first bytes of a file.
 const MAGIC: &[u8; 8] = b"MESOPHYL";
 /// The version of the format. A program reads files of its own version.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// The largest size of the uncompressed contents (bytes). A page in a browser has at most 4 GiB of memory, and the
 /// scene is there twice while it is read.
 pub const LARGEST: u64 = 1 << 30;
