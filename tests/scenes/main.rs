@@ -32,6 +32,7 @@ mod plan;
 mod plants;
 mod reference;
 mod scene;
+mod stands;
 mod translucency_scene;
 mod whole;
 

@@ -25,8 +25,6 @@ pub mod scene_reference;
 mod sections;
 pub mod soil;
 pub(crate) mod stands;
-#[cfg(all(test, feature = "render"))]
-mod stands_tests;
 pub mod sunlight;
 #[cfg(feature = "render")]
 pub mod transfer;

@@ -162,3 +162,23 @@ fn a_group_of_one_stands_at_its_places_alone() {
     let one = InstanceForest::with_groups(shapes(), &[], &group, &lower);
     assert_eq!(one.nearest(&ray, EVERY).map(|h| (h.t, h.place)), Some((4.0, Some(0))));
 }
+
+/// A million places: a ray from above each of some of them meets this one. It takes seconds, so it is asked for by name.
+#[test]
+#[ignore = "it builds a tree over a million boxes: seconds"]
+fn a_million_places_are_told_apart() {
+    let start = std::time::Instant::now();
+    let sheet = [DVec3::new(-0.4, -0.4, 0.0), DVec3::new(0.4, -0.4, 0.0), DVec3::new(0.0, 0.4, 0.0)];
+    let shapes = vec![TriangleTree::new(&sheet, &numbered(&sheet))];
+    let group = vec![(0, DMat4::IDENTITY), (0, DMat4::from_translation(-DVec3::Z))];
+    let at = |k: usize| DVec3::new((k % 1000) as f64, (k / 1000) as f64, (k % 7) as f64);
+    let places: Vec<(usize, DMat4)> = (0..1_000_000).map(|k| (0, DMat4::from_translation(at(k)))).collect();
+    let forest = InstanceForest::with_groups(shapes, &[], &[group], &places);
+    for k in (0..1_000_000).step_by(997) {
+        let found = forest.nearest(&Ray::new(at(k) + DVec3::Z * 20.0, -DVec3::Z), EVERY).map(|h| (h.instance, h.place));
+        assert_eq!(found, Some((0, Some(k as u32))));
+    }
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let memory = status.lines().find(|line| line.starts_with("VmHWM")).unwrap_or_default();
+    println!("{:.1} s; {memory}", start.elapsed().as_secs_f64());
+}

@@ -1,16 +1,16 @@
 //! Plants that stand in many places, as the path tracer is given them.
 
-use super::reference;
-use crate::loaded::LoadedScene;
-use crate::manifest::SceneManifest;
-use crate::placed::groups::PlantGroups;
-use crate::placed::leaf::LeafSearch;
-use crate::placed::ledger::Ledger;
-use crate::placed::plant::planted;
 use glam::{DMat4, DVec3};
-use mesophyll_fits::leaf::blade::{BladeMesh, glb};
-use mesophyll_transport::comparison::flip_map;
-use mesophyll_transport::{Options, ReferenceRenderer, ReferenceWorld};
+use mesophyll::fits::leaf::blade::{BladeMesh, glb};
+use mesophyll::scene::draw::reference;
+use mesophyll::scene::loaded::LoadedScene;
+use mesophyll::scene::manifest::SceneManifest;
+use mesophyll::scene::placed::groups::PlantGroups;
+use mesophyll::scene::placed::leaf::LeafSearch;
+use mesophyll::scene::placed::ledger::Ledger;
+use mesophyll::scene::placed::plant::planted;
+use mesophyll::transport::comparison::flip_map;
+use mesophyll::transport::{Options, ReferencePlace, ReferenceRenderer, ReferenceWorld};
 
 /// Ninety twigs of eight leaves in two groups of a wind, or still in a scene that repeats.
 fn opened(rest: &str) -> (tempfile::TempDir, LoadedScene) {
@@ -24,7 +24,7 @@ fn opened(rest: &str) -> (tempfile::TempDir, LoadedScene) {
         ..BladeMesh::default()
     };
     glb::write(&folder.path().join("blade.glb"), "sheet", &blade).unwrap();
-    let plants = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../data/plants/elm-twig.toml");
+    let plants = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("data/plants/elm-twig.toml");
     let text = format!(
         "schema = 1\nname = \"stand\"\n[[leaf]]\nname = \"sheet\"\nmesh = \"blade.glb\"\n\
          uniform = {{ rho_d = [[0.1, 0.3, 0.1], [0.2, 0.3, 0.2]], rho_t = [0.1, 0.2, 0.1] }}\n\
@@ -46,7 +46,7 @@ const VIEW: &str = "[[view]]\nkind = \"perspective\"\nname = \"v\"\neye_mm = [0,
 
 /// Every leaf of the stands in the world, place by place.
 fn leaves(world: &ReferenceWorld) -> Vec<Vec<DMat4>> {
-    let of = |place: &mesophyll_transport::ReferencePlace| {
+    let of = |place: &ReferencePlace| {
         world.groups[place.group].iter().filter(|m| m.leaf == 0).map(|m| place.transform * m.transform).collect()
     };
     world.places.iter().map(of).collect()
