@@ -126,8 +126,8 @@ fn a_stand_is_an_instanced_gltf() {
     }
 }
 
-/// OpenUSD's own reader finds every leaf where it stands, through both point instancers, and its validators have nothing
-/// to say.
+/// OpenUSD's own reader finds every leaf where it stands, through both point instancers. Its validators have nothing to
+/// say.
 #[test]
 fn a_stand_is_a_point_instancer() {
     let folder = tempfile::tempdir().unwrap();
@@ -177,9 +177,10 @@ fn other_formats_write_every_leaf() {
     let folder = tempfile::tempdir().unwrap();
     let shown = stand();
     assert_eq!(shown.each_place().count(), 1 + 4 * 3 + 2 * 60);
-    for (format, file, word) in
-        [(ExportFormat::Mitsuba, "scene.xml", "\"instance\""), (ExportFormat::Pbrt, "scene.pbrt", "ObjectInstance")]
-    {
+    for (format, file, word) in [
+        (ExportFormat::Mitsuba, "scene.xml", "type=\"instance\""),
+        (ExportFormat::Pbrt, "scene.pbrt", "ObjectInstance"),
+    ] {
         let out = folder.path().join(format.name());
         assemble(&shown, format, &out, true, &[]).unwrap();
         let text = std::fs::read_to_string(out.join(file)).unwrap();

@@ -163,7 +163,8 @@ fn a_group_of_one_stands_at_its_places_alone() {
     assert_eq!(one.nearest(&ray, EVERY).map(|h| (h.t, h.place)), Some((4.0, Some(0))));
 }
 
-/// A million places: a ray from above each of some of them meets this one. It takes seconds, so it is asked for by name.
+/// A million places: a ray from above each of some of them meets this one. It takes seconds, so it is asked for by
+/// name.
 #[test]
 #[ignore = "it builds a tree over a million boxes: seconds"]
 fn a_million_places_are_told_apart() {
