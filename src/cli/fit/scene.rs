@@ -2,7 +2,7 @@
 
 use crate::cli::Result;
 use crate::cli::{CommonArgs, destination};
-use mesophyll_fit_scene::{Options, summary};
+use mesophyll_fit_scene::{Options, summary, wavelengths};
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::fits::maker::input_hash;
@@ -29,7 +29,8 @@ use std::path::PathBuf;
   held_out = true           only predicted, to judge the fit
 
   [[brf]]                   or a canopy's reflectance factors, under a sun alone
-  file = \"brf.csv\"          view_zenith_deg, view_azimuth_deg, brf_r, brf_g, brf_b, and brf_r_err, …
+  file = \"brf.csv\"          view_zenith_deg, view_azimuth_deg, brf_r, brf_g, brf_b, and brf_r_err, …; or
+                            brf_560, brf_665, … (nm) of leaves and a ground that have spectra
 
   [unknown]
   leaves = { a = [\"rho_d\", \"rho_t\", \"rho_s\", \"m\"], b = [\"sigma_a\", \"thickness_mm\"] }
@@ -39,7 +40,8 @@ use std::path::PathBuf;
 
 Leaves with reflectances have rho_d, rho_t, rho_s, m (factors on maps, where they have maps); slabs and fitted leaves
 sigma_a, sigma_s, thickness_mm, rho_s, m; leaves of layers chlorophyll, carotenoid, protein, cellulose_lignin, water, or
-absorption.
+absorption. Where brf.file has wavelengths, leaves have rho_d and rho_t at each, and what is found is written as
+spectra.
 
 Exit code 1 when the pictures are not explained: by geometry, a camera or a light that is not as stated.")]
 pub struct Args {
@@ -64,8 +66,15 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
-    let manifest = SceneManifest::read(&args.scene)?;
+    let mut manifest = SceneManifest::read(&args.scene)?;
     manifest.require_pictures()?;
+    // A canopy needs no camera, and bands no colours.
+    if manifest.taken.is_empty() {
+        manifest.look_from_above();
+    }
+    if wavelengths(&manifest)?.is_some() {
+        manifest.forget_colours();
+    }
     let ledger = Ledger::new();
     let search = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
     let scene = LoadedScene::open(manifest, search, &ledger)?;

@@ -59,5 +59,5 @@ pub fn covariance(numbers: &SceneUnknowns, normal: &DMatrix<f64>) -> (DMatrix<f6
 
 /// Names of all numbers.
 pub fn names(numbers: &SceneUnknowns) -> Vec<String> {
-    numbers.list.iter().flat_map(|q| q.names()).collect()
+    numbers.list.iter().flat_map(|q| q.names(&numbers.channels)).collect()
 }

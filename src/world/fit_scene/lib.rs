@@ -10,6 +10,9 @@
 // A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+mod bands;
+#[cfg(test)]
+mod bands_tests;
 mod covariance;
 pub mod design;
 mod judge;
@@ -18,6 +21,7 @@ mod photographs;
 mod pictures;
 mod processor;
 mod quantity;
+mod reflectances;
 mod residuals;
 mod scene_file;
 mod step;
@@ -41,6 +45,7 @@ use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport::path::Canopy;
 use mesophyll_transport::world::ReferenceWorld;
 use photographs::ScenePhotograph;
+pub use reflectances::wavelengths;
 use std::path::{Path, PathBuf};
 use unknowns::SceneUnknowns;
 
@@ -70,16 +75,17 @@ pub const TRACE: &str = "trace.csv";
 pub fn run(scene: &LoadedScene, out: &Path, options: &Options, ledger: &Ledger) -> Result<FitOutcome> {
     let manifest = &scene.manifest;
     manifest.require_pictures()?;
-    let shots = photographs::read(manifest)?;
+    let wavelengths = wavelengths(manifest)?;
+    let shots = photographs::read(manifest, wavelengths.as_deref())?;
     let world = reference::traced(scene, manifest.rest_time(), ledger)?;
-    require_canopy(manifest, &world, options.seed)?;
+    require_canopy(manifest, &world, options.seed, wavelengths.is_some())?;
     let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
     groups.sort();
     groups.dedup();
-    let numbers = SceneUnknowns::new(scene, world, &groups, ledger)?;
+    let numbers = SceneUnknowns::new(scene, world, &groups, wavelengths.as_deref(), ledger)?;
     // Two pictures of all derivatives, the same as a list, and the readings.
-    let pixels: usize = shots.iter().map(|shot| shot.seen.len()).sum();
-    let bytes = pixels as u64 * (120 * numbers.list.len() as u64 + 400);
+    let [pixels, readings] = [0, 1].map(|k| shots.iter().map(|s| [s.uses.len(), s.seen.len()][k]).sum::<usize>());
+    let bytes = readings as u64 * (40 * numbers.list.len() as u64 + 134);
     memory::require(
         bytes,
         &format!("{pixels} pixels with {} unknowns (smaller pictures need less)", numbers.list.len()),
@@ -94,12 +100,15 @@ pub fn run(scene: &LoadedScene, out: &Path, options: &Options, ledger: &Ledger) 
 }
 
 /// Refuses a scene whose reflectance factors were measured, and that can have none.
-fn require_canopy(manifest: &SceneManifest, world: &ReferenceWorld, seed: u64) -> Result<()> {
+fn require_canopy(manifest: &SceneManifest, world: &ReferenceWorld, seed: u64, bands: bool) -> Result<()> {
     if manifest.factors.is_empty() {
         return Ok(());
     }
     Canopy::new(world, seed).map_err(|what| Error::input(&manifest.path, what))?;
-    if world.sun.as_ref().is_none_or(|sun| sun.irradiance.iter().any(|e| !(*e > 0.0))) {
+    let light = world.sun.as_ref().map_or([0.0; 3], |sun| sun.irradiance);
+    // Bands are lit alike, whatever the sun's channels are.
+    let lit = if bands { light.iter().any(|e| *e > 0.0) } else { light.iter().all(|e| *e > 0.0) };
+    if !lit {
         let what = "found a channel with 0, expected a sun that shines in all three, as reflectance factors need";
         return Err(Error::field(&manifest.path, "sun.irradiance", what));
     }
@@ -125,13 +134,14 @@ fn fit(
     say("seed", options.seed.to_string());
     say("pictures", shots.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", "));
     let section = judge::section(&numbers, &shots, &found, &mut record);
-    record.sections.insert("all".into(), section);
     let scale = "blue -4 to red +4 standard errors of a reading less the scene; grey: does not count";
     record.options.insert("residual_pictures".into(), format!("red, green and blue side by side, {scale}"));
     maker.times.traces.insert("steps".into(), found.steps.iter().map(|step| step.row).collect());
     let out = maker.begin()?.to_path_buf();
     let mut files = residuals::pictures(&shots, &found, &out)?;
-    files.extend(residuals::tables(&shots, &found, &out)?);
+    files.extend(residuals::tables(&numbers, &shots, &found, &out)?);
+    files.extend(bands::save(&numbers, &section, &out)?);
+    record.sections.insert("all".into(), section);
     files.extend(found_leaves(&numbers, &out)?);
     atomic::write_bytes(&out.join(SCENE), scene_file::found(manifest, &numbers, &out)?.as_bytes())?;
     files.push(SCENE.into());

@@ -1,12 +1,11 @@
 //! The pictures that were taken: their readings, with errors, and which of them count.
 
 use crate::quantity::CHANNELS;
-use crate::{Error, Result};
+use crate::{Error, Result, reflectances};
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::picture::{self, PictureRequest, RGB};
 use mesophyll_files::progress;
-use mesophyll_files::table::{BatchSpec, Groups, InputTable};
-use mesophyll_scene::manifest::{CheckSettings, SceneManifest, StatedFactors, StatedPhotograph};
+use mesophyll_scene::manifest::{CheckSettings, SceneManifest, StatedPhotograph};
 use mesophyll_transport::ReferenceCamera;
 use std::path::Path;
 
@@ -25,10 +24,12 @@ pub struct ScenePhotograph {
     pub by: ReadingKind,
     /// Columns and rows.
     pub size: [usize; 2],
-    /// Readings, a channel each.
-    pub seen: Vec<[f64; 3]>,
+    /// Readings of a place: three channels, or as many as there are bands.
+    pub channels: usize,
+    /// Readings, all channels of a place together; NaN where a band has none.
+    pub seen: Vec<f64>,
     /// Standard errors that the file states.
-    pub error: Option<Vec<[f64; 3]>>,
+    pub error: Option<Vec<f64>>,
     /// Further errors, as a share of what the scene shows; both add as squares.
     pub noise: f64,
     /// Errors of what is dark; they add as squares too.
@@ -65,11 +66,11 @@ pub enum PixelUse {
     Out,
 }
 
-/// Reads every picture of a scene.
+/// Reads every picture of a scene, and its tables of reflectance factors, which may be of `wavelengths` (nm).
 ///
 /// # Errors
 /// [`Error::Input`] for a picture that is missing, not linear, of another size, without noise, or not of numbers.
-pub fn read(manifest: &SceneManifest) -> Result<Vec<ScenePhotograph>> {
+pub fn read(manifest: &SceneManifest, wavelengths: Option<&[f64]>) -> Result<Vec<ScenePhotograph>> {
     let mut out: Vec<ScenePhotograph> = Vec::new();
     for (k, taken) in manifest.taken.iter().enumerate() {
         let Some(view) = manifest.perspectives().find(|v| v.name == taken.view) else { continue };
@@ -82,71 +83,13 @@ pub fn read(manifest: &SceneManifest) -> Result<Vec<ScenePhotograph>> {
         out.push(shot);
     }
     for (k, factors) in manifest.factors.iter().enumerate() {
-        out.push(reflectances(manifest, k, factors)?);
+        out.push(reflectances::read(manifest, k, factors, wavelengths)?);
     }
     if !out.iter().any(|shot| shot.uses.contains(&PixelUse::Fitted)) {
         let what = "found no reading to fit: all pixels are masked, saturated or held out";
         return Err(Error::field(&manifest.path, "picture", what));
     }
     Ok(out)
-}
-
-/// A table of reflectance factors.
-fn reflectances(manifest: &SceneManifest, k: usize, factors: &StatedFactors) -> Result<ScenePhotograph> {
-    let path = manifest.resolve(&factors.file);
-    let table = InputTable::open(&path)?;
-    // `eval canopy` writes one channel at a time; where the table has one, it is that of all channels.
-    let columns = if table.column("brf").is_some() { ["brf"; 3] } else { ["brf_r", "brf_g", "brf_b"] };
-    let optional = ["view_azimuth_deg".to_string()].into_iter().chain(columns.iter().map(|c| format!("{c}_err")));
-    let spec = BatchSpec {
-        required: ["view_zenith_deg"].iter().chain(&columns).map(ToString::to_string).collect(),
-        optional: optional.collect(),
-        ..BatchSpec::default()
-    };
-    let errors_there = columns.iter().all(|c| table.column(&format!("{c}_err")).is_some());
-    let table = Groups::one(table, &spec, "scene", &manifest.name)?;
-    let sun = manifest.sun.as_ref().map_or(0.0, |sun| sun.azimuth_deg);
-    let (mut toward, mut seen, mut errors) = (Vec::new(), Vec::new(), Vec::new());
-    for row in table.rows() {
-        let &[zenith, r, g, b, azimuth, ref errs @ ..] = &row.values[..] else { continue };
-        // As in `eval canopy`: without an azimuth, negative angles are on the sun's side.
-        let angles = if azimuth.is_nan() { [-zenith, sun] } else { [zenith, azimuth] };
-        if !(zenith.abs() < 89.9) || ![r, g, b].iter().all(|v| v.is_finite() && *v >= 0.0) {
-            let what = format!("line {}: found {zenith}° and {r}, {g}, {b}", row.line);
-            return Err(Error::input(
-                &path,
-                format!("{what}, expected a zenith below 89.9° and factors of at least 0"),
-            ));
-        }
-        toward.push(angles.map(f64::to_radians));
-        seen.push([r, g, b]);
-        errors.push([0, 1, 2].map(|c| errs.get(c).copied().unwrap_or(f64::NAN)));
-    }
-    if seen.is_empty() {
-        return Err(Error::input(&path, "found no readable row, expected directions with reflectance factors"));
-    }
-    if let Some((row, bad)) = table.rows().zip(&errors).find(|(_, e)| errors_there && e.iter().any(|e| !(*e >= 0.0))) {
-        let what = format!("line {}: found the errors {bad:?}, expected numbers of at least 0 in each", row.line);
-        return Err(Error::input(&path, what));
-    }
-    let stated = errors_there;
-    if !stated && factors.noise.is_none() {
-        let what = format!("missing; {} has no columns brf_r_err, brf_g_err, brf_b_err", path.display());
-        return Err(Error::field(&manifest.path, &format!("brf[{k}].noise"), what));
-    }
-    Ok(ScenePhotograph {
-        name: format!("brf-{}", k + 1),
-        by: ReadingKind::Directions(toward),
-        size: [seen.len(), 1],
-        uses: vec![if factors.held_out { PixelUse::Held } else { PixelUse::Fitted }; seen.len()],
-        seen,
-        error: stated.then_some(errors),
-        noise: factors.noise.unwrap_or(0.0),
-        floor: 0.0,
-        exposure: None,
-        sun_deg: None,
-        saturated: 0,
-    })
 }
 
 fn one(
@@ -221,8 +164,9 @@ fn one(
         name: taken.view.clone(),
         by: ReadingKind::Camera(camera),
         size,
-        seen,
-        error,
+        channels: 3,
+        seen: seen.into_flattened(),
+        error: error.map(Vec::into_flattened),
         noise: taken.noise.unwrap_or(0.0),
         floor: taken.noise_floor.unwrap_or(0.0),
         uses,

@@ -5,7 +5,7 @@ use crate::photographs::{PixelUse, ReadingKind, ScenePhotograph};
 use crate::quantity::UnknownKind;
 use crate::unknowns::SceneUnknowns;
 use mesophyll_transport::path::slopes::{DerivativePicture, DerivativeTracer, RadianceParameter};
-use mesophyll_transport::path::{Canopy, MOST_PATHS, PathSettings, PathTracer};
+use mesophyll_transport::path::{Canopy, MOST_PATHS, PathSettings, PathTracer, SurfaceBands};
 use mesophyll_transport::world::ReferenceWorld;
 
 /// Rounds of each of the two pictures with derivatives, from whose scatter the noise of a pixel is estimated; the
@@ -23,6 +23,8 @@ const A_DIRECTION: u32 = 256;
 pub struct LitScene<'a> {
     sun_deg: Option<[f64; 2]>,
     tracer: PathTracer<'a>,
+    /// What everything scatters in each band, where bands are drawn and not three channels.
+    surfaces: Option<Vec<SurfaceBands>>,
     /// What it is differentiated by, each with the index of its unknown; the same list under every sun.
     pub slopes: Vec<(usize, RadianceParameter)>,
 }
@@ -43,7 +45,7 @@ impl<'a> LitScene<'a> {
     pub fn all(numbers: &SceneUnknowns, worlds: &'a [(Option<[f64; 2]>, ReferenceWorld)]) -> Result<Vec<LitScene<'a>>> {
         let one = |(sun_deg, world): &'a (Option<[f64; 2]>, ReferenceWorld)| {
             let tracer = PathTracer::new(world, PathSettings::default())?;
-            Ok(LitScene { sun_deg: *sun_deg, tracer, slopes: numbers.slopes(*sun_deg)? })
+            Ok(LitScene { sun_deg: *sun_deg, tracer, surfaces: numbers.surfaces(), slopes: numbers.slopes(*sun_deg)? })
         };
         worlds.iter().map(one).collect()
     }
@@ -62,9 +64,8 @@ pub fn draw(
     let mut out = vec![DerivativePicture::default(); shots.len()];
     for scene in lit {
         let of: Vec<RadianceParameter> = scene.slopes.iter().filter(|_| sloped).map(|(_, of)| of.clone()).collect();
-        let slopes = DerivativeTracer::new(&scene.tracer, &of);
         for (k, shot) in shots.iter().enumerate().filter(|(_, s)| s.sun_deg == scene.sun_deg && wanted(s)) {
-            out[k] = shot_of(scene.tracer.world(), &slopes, &of, shot, [rounds, each], seed ^ (k as u64) << 40)?;
+            out[k] = shot_of(scene, &of, shot, [rounds, each], seed ^ (k as u64) << 40)?;
         }
     }
     Ok(out)
@@ -72,19 +73,23 @@ pub fn draw(
 
 /// A picture, or reflectance factors.
 fn shot_of(
-    world: &ReferenceWorld,
-    slopes: &DerivativeTracer,
+    scene: &LitScene,
     of: &[RadianceParameter],
     shot: &ScenePhotograph,
     [rounds, each]: [u32; 2],
     seed: u64,
 ) -> Result<DerivativePicture> {
     match &shot.by {
-        ReadingKind::Camera(camera) => slopes.picture(camera, shot.size, [rounds, each], seed),
+        ReadingKind::Camera(camera) => {
+            DerivativeTracer::new(&scene.tracer, of).picture(camera, shot.size, [rounds, each], seed)
+        }
         ReadingKind::Directions(toward) => {
-            let canopy = Canopy::new(world, seed).map_err(crate::Error::Missed)?;
-            let each = each.saturating_mul(A_DIRECTION).min(MOST_PATHS);
-            DerivativeTracer::new(canopy.tracer(), of).factors(&canopy, toward, [rounds, each], seed)
+            let canopy = Canopy::new(scene.tracer.world(), seed).map_err(crate::Error::Missed)?;
+            let paths = [rounds, each.saturating_mul(A_DIRECTION).min(MOST_PATHS)];
+            match &scene.surfaces {
+                Some(surfaces) => canopy.factors_of_bands(toward, surfaces, of, paths, seed),
+                None => DerivativeTracer::new(canopy.tracer(), of).factors(&canopy, toward, paths, seed),
+            }
         }
     }
 }
@@ -109,13 +114,13 @@ impl ShotSlopes<'_> {
         row.clear();
         for (j, (q, _)) in self.of.iter().enumerate() {
             let number = first[*q] + if self.numbers.list[*q].at.len() > 1 { c } else { 0 };
-            let [p, q] = self.pictures.map(|sheet| factor * sheet.slopes[k * self.of.len() + j][c]);
+            let [p, q] = self.pictures.map(|sheet| factor * sheet.slope(k, j, c));
             if p != 0.0 || q != 0.0 {
                 row.push((number, p, q));
             }
         }
         if let Some(q) = exposure_of(self.numbers, self.shot) {
-            let [p, u] = self.pictures.map(|sheet| sheet.mean[k][c]);
+            let [p, u] = self.pictures.map(|sheet| sheet.mean[k * self.shot.channels + c]);
             row.push((first[q], p, u));
         }
     }
@@ -144,61 +149,50 @@ pub fn rounds(paths: u32) -> [u32; 2] {
     [rounds, half.div_ceil(rounds)]
 }
 
-/// Variances of the readings of a shot, and those of a picture of twice as many rounds as each of two others has, by
+/// For each reading of a shot its variance, and that of a picture of twice as many rounds as each of two others has, by
 /// which both are judged.
 pub fn variances(
     shot: &ScenePhotograph,
     [one, two]: [&DerivativePicture; 2],
     rounds: u32,
     factor: f64,
-) -> Vec<[[f64; 3]; 2]> {
-    let [w, h] = shot.size;
-    let both = |k: usize| [0, 1, 2].map(|c| 0.25 * (one.variance[k][c] + two.variance[k][c]));
-    let around = |k: usize| {
+) -> Vec<[f64; 2]> {
+    let ([w, h], n, places) = (shot.size, shot.channels, shot.uses.len());
+    let both = |i: usize| 0.25 * (one.variance[i] + two.variance[i]);
+    // The mean over a place and those beside it.
+    let around = |k: usize, c: usize, of: &dyn Fn(usize) -> f64| {
         let (x, y) = (k % w, k / w);
-        let (mut sum, mut n) = ([0.0; 3], 0.0);
+        let (mut sum, mut count) = (0.0, 0.0);
         for j in y.saturating_sub(1)..=(y + 1).min(h - 1) {
-            for of in (x.saturating_sub(1)..=(x + 1).min(w - 1)).map(|i| both(j * w + i)) {
-                (0..3).for_each(|c| sum[c] += of[c]);
-                n += 1.0;
+            for i in x.saturating_sub(1)..=(x + 1).min(w - 1) {
+                sum += of((j * w + i) * n + c);
+                count += 1.0;
             }
         }
-        sum.map(|v| v / n)
+        sum / count
     };
     // An error that was estimated from a pixel's own scatter is small where the reading happens to be. Neighbours do
     // not know the reading, and have half of the say.
-    let stated = |k: usize| {
-        let Some(error) = &shot.error else { return [0.0; 3] };
-        let (x, y) = (k % w, k / w);
-        let (mut sum, mut n) = ([0.0; 3], 0.0);
-        for j in y.saturating_sub(1)..=(y + 1).min(h - 1) {
-            for i in x.saturating_sub(1)..=(x + 1).min(w - 1) {
-                (0..3).for_each(|c| sum[c] += error[j * w + i][c].powi(2));
-                n += 1.0;
-            }
-        }
-        let pooled = matches!(shot.by, ReadingKind::Camera(_));
-        let own = error[k].map(|e| e * e);
-        if pooled { [0, 1, 2].map(|c| 0.5 * (own[c] + sum[c] / n)) } else { own }
+    let pooled = matches!(shot.by, ReadingKind::Camera(_));
+    let stated = |k: usize, c: usize| {
+        let Some(error) = &shot.error else { return 0.0 };
+        let own = error[k * n + c].powi(2);
+        if pooled { 0.5 * (own + around(k, c, &|i| error[i].powi(2))) } else { own }
     };
-    let mean = |k: usize| [0, 1, 2].map(|c| 0.5 * (one.mean[k][c] + two.mean[k][c]));
-    let all = shot.seen.len().max(1) as f64;
-    let whole = [0, 1, 2].map(|c| (0..shot.seen.len()).map(|k| mean(k)[c]).sum::<f64>() / all);
+    let mean = |i: usize| 0.5 * (one.mean[i] + two.mean[i]);
+    let whole: Vec<f64> =
+        (0..n).map(|c| (0..places).map(|k| mean(k * n + c)).sum::<f64>() / places.max(1) as f64).collect();
     // The mean of an inverse estimate is larger than the inverse of its mean.
     let own_rounds = 2.0 * f64::from(rounds - 1);
     let freedom = own_rounds + PRIOR;
     let wider = freedom / (freedom - 2.0) * factor * factor;
-    (0..shot.seen.len())
-        .map(|k| {
-            let (mean, own, near) = (mean(k), both(k), around(k));
-            let own = [0, 1, 2].map(|c| (own_rounds * own[c] + PRIOR * near[c]) / freedom * wider);
-            // What is dark has at least a hundredth of the noise of the picture's mean.
-            let of = |c: usize| {
-                let noise = shot.noise * factor * mean[c].max(0.01 * whole[c]);
-                let least = LEAST * factor * mean[c].max(0.01 * whole[c]);
-                (stated(k)[c] + noise.powi(2) + shot.floor.powi(2)).max(least.powi(2))
-            };
-            [[0, 1, 2].map(of), own]
-        })
-        .collect()
+    let of = |i: usize| {
+        let (k, c) = (i / n, i % n);
+        let own = (own_rounds * both(i) + PRIOR * around(k, c, &both)) / freedom * wider;
+        // What is dark has at least a hundredth of the noise of the picture's mean.
+        let shown = factor * mean(i).max(0.01 * whole[c]);
+        let measured = stated(k, c) + (shot.noise * shown).powi(2) + shot.floor.powi(2);
+        [measured.max((LEAST * shown).powi(2)), own]
+    };
+    (0..places * n).map(of).collect()
 }

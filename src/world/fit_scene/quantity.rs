@@ -60,12 +60,12 @@ pub enum MappedNumber {
     M,
 }
 
-/// An unknown: three numbers, one a channel, or one for all channels.
+/// An unknown: a number for each channel (or band), or one for all channels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnknownQuantity {
     /// What it is.
     pub kind: UnknownKind,
-    /// Its name; a channel's number has `.R`, `.G` or `.B` after it.
+    /// Its name; a channel's number has `.R`, `.G` or `.B` after it, a band's its wavelength, as `.865nm`.
     pub name: String,
     /// One number, or one a channel.
     pub at: Vec<f64>,
@@ -90,11 +90,11 @@ impl UnknownQuantity {
         if self.scale.is_some() { 0.6 * self.unit(at) } else { 0.3 }
     }
 
-    /// Names of its numbers.
-    pub fn names(&self) -> Vec<String> {
-        match self.at.len() {
-            1 => vec![self.name.clone()],
-            _ => CHANNELS.iter().map(|c| format!("{}.{c}", self.name)).collect(),
+    /// Names of its numbers, where the channels have these names.
+    pub fn names(&self, channels: &[String]) -> Vec<String> {
+        match self.at.len() == channels.len() {
+            true => channels.iter().map(|c| format!("{}.{c}", self.name)).collect(),
+            false => vec![self.name.clone()],
         }
     }
 }

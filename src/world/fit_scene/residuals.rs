@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::photographs::{ReadingKind, ScenePhotograph};
 use crate::steps::{SceneFit, SceneStep};
+use crate::unknowns::SceneUnknowns;
 use mesophyll_files::atomic;
 use mesophyll_files::image::{ChannelMaps, Packing, write_exr, write_png};
 use std::path::Path;
@@ -14,20 +15,29 @@ const NOT_COUNTED: [u8; 3] = [120, 120, 120];
 
 /// Writes, for each table of reflectance factors, what the scene shows and what is left of the readings in standard
 /// errors. Returns the files' names.
-pub fn tables(shots: &[ScenePhotograph], found: &SceneFit, out: &Path) -> Result<Vec<String>> {
+pub fn tables(numbers: &SceneUnknowns, shots: &[ScenePhotograph], found: &SceneFit, out: &Path) -> Result<Vec<String>> {
+    let columns: Vec<String> = match &numbers.bands {
+        Some(bands) => bands.wavelengths.iter().map(f64::to_string).collect(),
+        None => numbers.channels.iter().map(|channel| channel.to_lowercase()).collect(),
+    };
+    let n = columns.len();
     let mut files = Vec::new();
     for (s, shot) in shots.iter().enumerate() {
         let ReadingKind::Directions(toward) = &shot.by else { continue };
-        let mut rows = vec![[f64::NAN; 6]; toward.len()];
+        let mut rows = vec![vec![f64::NAN; 2 * n]; toward.len()];
         for c in found.compared.iter().filter(|c| c.at[0] == s) {
-            (rows[c.at[1]][c.at[2]], rows[c.at[1]][3 + c.at[2]]) = (c.shown, c.residual);
+            (rows[c.at[1]][c.at[2]], rows[c.at[1]][n + c.at[2]]) = (c.shown, c.residual);
         }
-        let mut text =
-            String::from("view_zenith_deg,view_azimuth_deg,brf_r,brf_g,brf_b,residual_r,residual_g,residual_b\n");
+        let mut text = String::from("view_zenith_deg,view_azimuth_deg");
+        for kind in ["brf", "residual"] {
+            columns.iter().for_each(|column| text += &format!(",{kind}_{column}"));
+        }
         for (angles, row) in toward.iter().zip(rows) {
-            let cells = angles.iter().map(|a| format!("{:.4}", a.to_degrees())).chain(row.map(|v| format!("{v:.6}")));
-            text += &format!("{}\n", cells.collect::<Vec<_>>().join(","));
+            let cells = angles.iter().map(|a| format!("{:.4}", a.to_degrees()));
+            let cells = cells.chain(row.iter().map(|v| format!("{v:.6}")));
+            text += &format!("\n{}", cells.collect::<Vec<_>>().join(","));
         }
+        text.push('\n');
         let file = format!("residual-{}.csv", shot.name);
         atomic::write_bytes(&out.join(&file), text.as_bytes())?;
         files.push(file);
@@ -42,7 +52,7 @@ pub fn tables(shots: &[ScenePhotograph], found: &SceneFit, out: &Path) -> Result
 pub fn pictures(shots: &[ScenePhotograph], found: &SceneFit, out: &Path) -> Result<Vec<String>> {
     let mut files = Vec::new();
     for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| matches!(shot.by, ReadingKind::Camera(_))) {
-        let (pixels, [width, height]) = (shot.seen.len(), shot.size);
+        let (pixels, [width, height]) = (shot.uses.len(), shot.size);
         let mut planes = vec![vec![f32::NAN; pixels]; 6];
         for c in found.compared.iter().filter(|c| c.at[0] == s) {
             let [_, k, channel] = c.at;

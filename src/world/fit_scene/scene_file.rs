@@ -2,7 +2,7 @@
 
 use crate::quantity::{SlabNumber, UnknownKind};
 use crate::unknowns::SceneUnknowns;
-use crate::{Error, Result};
+use crate::{Error, Result, bands};
 use mesophyll_files::whole_file;
 use mesophyll_optics::foliar::pigments::SUBSTANCES;
 use mesophyll_scene::manifest::SceneManifest;
@@ -30,7 +30,8 @@ pub fn found(manifest: &SceneManifest, numbers: &SceneUnknowns, out: &Path) -> R
             table.entry("rho_t").or_insert_with(|| three(stated.rho_t));
         }
     }
-    for q in &numbers.list {
+    // Numbers of bands are spectra, which lie beside the new file.
+    for q in numbers.list.iter().filter(|_| numbers.bands.is_none()) {
         let numbers = Value::Array(q.at.iter().map(|v| Value::Float(*v)).collect());
         match &q.kind {
             UnknownKind::RhoD(leaf, back) => {
@@ -92,6 +93,17 @@ pub fn found(manifest: &SceneManifest, numbers: &SceneUnknowns, out: &Path) -> R
         if let Some(leaf) = leaf_table(&mut table, &name) {
             ["look", "capture", "scan"].iter().for_each(|key| drop(leaf.remove(*key)));
             leaf.insert("fit".into(), Value::String(leaf_folder(&name)));
+        }
+    }
+    for (_, name) in present.banded() {
+        let (of, colours) = match &name {
+            Some(name) => (uniform(&mut table, name), &["rho_d", "rho_t"][..]),
+            None => (table.get_mut("ground").and_then(Value::as_table_mut), &["albedo"][..]),
+        };
+        if let Some(of) = of {
+            // Colours that were stated are those of the old spectrum.
+            colours.iter().for_each(|key| drop(of.remove(*key)));
+            of.insert("spectrum".into(), Value::String(bands::file(name.as_deref())));
         }
     }
     let text = toml::to_string(&table).map_err(|e| Error::write(out, e))?;

@@ -76,10 +76,10 @@ fn sums(numbers: &SceneUnknowns) -> Vec<[usize; 2]> {
     let through = |leaf: usize| all().find(|(q, _)| q.kind == UnknownKind::RhoT(leaf)).map(|(_, first)| *first);
     all()
         .filter_map(|(q, first)| match q.kind {
-            UnknownKind::RhoD(leaf, _) | UnknownKind::RhoDBoth(leaf) => Some((*first, through(leaf)?)),
+            UnknownKind::RhoD(leaf, _) | UnknownKind::RhoDBoth(leaf) => Some((*first, through(leaf)?, q.at.len())),
             _ => None,
         })
-        .flat_map(|(d, t)| [0, 1, 2].map(|c| [d + c, t + c]))
+        .flat_map(|(d, t, channels)| (0..channels).map(move |c| [d + c, t + c]))
         .collect()
 }
 

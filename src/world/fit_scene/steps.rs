@@ -261,14 +261,15 @@ fn compared(
     for (s, shot) in shots.iter().enumerate().filter(|(_, shot)| wanted(shot)) {
         let factor = exposure(numbers, shot);
         let variances = variances(shot, [&one[s], &two[s]], rounds, factor);
-        for k in (0..shot.seen.len()).filter(|k| shot.uses[*k] != PixelUse::Out) {
-            let [measured, own] = variances[k];
-            for c in 0..3 {
-                let (error, shown) = ((measured[c] + own[c]).sqrt(), factor * shown[s].mean[k][c]);
-                let residual = (shot.seen[k][c] - shown) / error;
+        for k in (0..shot.uses.len()).filter(|k| shot.uses[*k] != PixelUse::Out) {
+            for c in 0..shot.channels {
+                let at = k * shot.channels + c;
+                let ([measured, own], seen) = (variances[at], shot.seen[at]);
+                let (error, shown) = ((measured + own).sqrt(), factor * shown[s].mean[at]);
+                let residual = (seen - shown) / error;
                 // Where nothing is seen, nothing is learnt.
-                if residual.is_finite() && (shot.seen[k][c] != 0.0 || shown != 0.0) {
-                    let own = (own[c] / measured[c]).sqrt();
+                if residual.is_finite() && (seen != 0.0 || shown != 0.0) {
+                    let own = (own / measured).sqrt();
                     out.push(ReadingComparison { at: [s, k, c], residual, error, own, shown, of: shot.uses[k] });
                 }
             }

@@ -44,7 +44,7 @@ fn agree(leaf: &str, unknown: &str, names: &[&str]) {
     let text = stated(leaf)(&format!("[unknown]\nleaves = {{ a = {unknown} }}\n"));
     let scene = opened(folder.path(), &text).unwrap();
     let world = reference::traced(&scene, 0.0, &Ledger::new()).unwrap();
-    let mut numbers = SceneUnknowns::new(&scene, world, &[], &Ledger::new()).unwrap();
+    let mut numbers = SceneUnknowns::new(&scene, world, &[], None, &Ledger::new()).unwrap();
     assert_eq!(numbers.list.iter().map(|q| q.name.as_str()).collect::<Vec<_>>(), names);
     let camera: ReferenceCamera = scene.manifest.perspectives().next().unwrap().camera;
     let slopes = numbers.slopes(None).unwrap();
@@ -56,12 +56,12 @@ fn agree(leaf: &str, unknown: &str, names: &[&str]) {
         let drawn = DerivativeTracer::new(&tracer, &of);
         let mean = |seed: usize| {
             let sheet = drawn.picture(&camera, [16, 12], [2, 16], seed as u64).unwrap();
-            let all = sheet.mean.len() as f64;
+            let all = sheet.mean.len() as f64 / 3.0;
             let mut out = vec![[0.0; 3]; 1 + of.len()];
-            for (k, pixel) in sheet.mean.iter().enumerate() {
-                let own = &sheet.slopes[k * of.len()..][..of.len()];
-                for (sum, new) in out.iter_mut().zip(std::iter::once(pixel).chain(own)) {
-                    (0..3).for_each(|c| sum[c] += new[c] / all);
+            for (k, pixel) in sheet.mean.chunks_exact(3).enumerate() {
+                (0..3).for_each(|c| out[0][c] += pixel[c] / all);
+                for (j, sum) in out[1..].iter_mut().enumerate() {
+                    (0..3).for_each(|c| sum[c] += sheet.slope(k, j, c) / all);
                 }
             }
             out

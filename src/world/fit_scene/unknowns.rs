@@ -1,8 +1,9 @@
 //! The unknown numbers of a scene: what they are called, where they start, between which limits they lie, and the world
 //! that they make.
 
+use crate::bands::SceneBands;
 use crate::mapped::MappedLeaf;
-use crate::quantity::{UnknownKind, UnknownQuantity};
+use crate::quantity::{CHANNELS, UnknownKind, UnknownQuantity};
 use crate::tissue::SceneTissue;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -11,6 +12,7 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::{SceneManifest, SceneSky, SkyModel, StatedUnknowns, SunLight, UniformLeaf};
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport::RadianceAt;
+use mesophyll_transport::path::SurfaceBands;
 use mesophyll_transport::path::slopes::RadianceParameter;
 use mesophyll_transport::world::{ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceWorld};
 use std::collections::BTreeMap;
@@ -28,12 +30,17 @@ pub struct SceneUnknowns {
     leaves: Vec<String>,
     /// What leaves of the world consist of, where that is unknown.
     tissues: BTreeMap<usize, SceneTissue>,
+    /// What everything scatters at each wavelength, where bands were measured and not three channels.
+    pub bands: Option<SceneBands>,
+    /// Names of the channels, or of the bands.
+    pub channels: Vec<String>,
     /// The unknowns.
     pub list: Vec<UnknownQuantity>,
 }
 
 impl SceneUnknowns {
-    /// The unknowns of a scene, at the values that it states. `groups` are the names of unknown exposures.
+    /// The unknowns of a scene, at the values that it states. `groups` are the names of unknown exposures,
+    /// `wavelengths` (nm) those that were measured in place of three channels.
     ///
     /// # Errors
     /// Those of the scene's light, for a physical sky that its model refuses, and those of a fit's maps.
@@ -41,18 +48,24 @@ impl SceneUnknowns {
         scene: &LoadedScene,
         world: ReferenceWorld,
         groups: &[String],
+        wavelengths: Option<&[f64]>,
         ledger: &Ledger,
     ) -> Result<SceneUnknowns> {
         let manifest = &scene.manifest;
         let none = StatedUnknowns::default();
         let unknown = manifest.unknown.as_ref().unwrap_or(&none);
         let (mut list, mut tissues) = (Vec::new(), BTreeMap::new());
+        let bands = wavelengths.map(|nm| SceneBands::new(scene, nm)).transpose()?;
         for (name, asked) in &unknown.leaves {
             let refuse = |what: String| Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what);
             let Some((k, leaf)) = scene.drawn().enumerate().find(|(_, leaf)| leaf.config.name == *name) else {
                 let what = "found a leaf that stands nowhere in the scene, expected one that pictures could show";
                 return Err(refuse(what.into()));
             };
+            if let Some(bands) = &bands {
+                list.extend(bands.unknowns(k, leaf.config, asked).map_err(refuse)?);
+                continue;
+            }
             let tissue = SceneTissue::of(scene, leaf, &world, k, asked, ledger)?;
             for what in asked {
                 let own = tissue.as_ref().map_or(Ok(None), |tissue| tissue.unknown(k, name, what)).map_err(refuse)?;
@@ -72,8 +85,9 @@ impl SceneUnknowns {
         };
         let any = [1e-9, f64::INFINITY];
         if let (Some(ground), false) = (world.ground, unknown.ground.is_empty()) {
-            let albedo = manifest.ground.as_ref().map_or([0.0; 3], |g| g.albedo);
-            add(UnknownKind::Ground(world.instances[ground].leaf), "ground.albedo", albedo.to_vec(), [0.0, 1.0], None);
+            let (k, albedo) = (world.instances[ground].leaf, manifest.ground.as_ref().map_or([0.0; 3], |g| g.albedo));
+            let albedo = bands.as_ref().map_or_else(|| albedo.to_vec(), |bands| bands.surfaces[k].rho_d[0].clone());
+            add(UnknownKind::Ground(k), "ground.albedo", albedo, [0.0, 1.0], None);
         }
         if let (Some(sun), false) = (&world.sun, unknown.sun.is_empty()) {
             add(UnknownKind::Sun, "sun.irradiance", sun.irradiance.to_vec(), any, RELATIVE);
@@ -97,7 +111,8 @@ impl SceneUnknowns {
             add(UnknownKind::Exposure(group.clone()), &format!("exposure.{group}"), vec![1.0], any, RELATIVE);
         }
         let leaves = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
-        Ok(SceneUnknowns { world, manifest: manifest.clone(), leaves, tissues, list })
+        let channels = bands.as_ref().map_or_else(|| CHANNELS.map(String::from).to_vec(), SceneBands::names);
+        Ok(SceneUnknowns { world, manifest: manifest.clone(), leaves, tissues, bands, channels, list })
     }
 
     /// Index of the first number of each unknown, and how many there are in all.
@@ -117,6 +132,29 @@ impl SceneUnknowns {
         self.tissues.iter().filter_map(|(k, tissue)| {
             if let SceneTissue::Maps(maps) = tissue { Some((self.leaf_name(*k), *k, &**maps)) } else { None }
         })
+    }
+
+    /// What everything scatters in each band, with the present numbers; `None` for three channels.
+    pub fn surfaces(&self) -> Option<Vec<SurfaceBands>> {
+        self.bands.as_ref().map(|bands| bands.with(&self.list))
+    }
+
+    /// Everything whose numbers of bands are unknown: its index in the world, and its name where it is a leaf.
+    pub fn banded(&self) -> Vec<(usize, Option<String>)> {
+        let mut out: Vec<(usize, Option<String>)> = Vec::new();
+        for q in &self.list {
+            let own = match q.kind {
+                UnknownKind::Ground(k) => (k, None),
+                UnknownKind::RhoD(k, _) | UnknownKind::RhoDBoth(k) | UnknownKind::RhoT(k) => {
+                    (k, Some(self.leaf_name(k)))
+                }
+                _ => continue,
+            };
+            if self.bands.is_some() && !out.contains(&own) {
+                out.push(own);
+            }
+        }
+        out
     }
 
     /// Holds values of the numbers where no leaf's maps give more light than they get.
@@ -182,12 +220,15 @@ impl SceneUnknowns {
         Ok(out)
     }
 
-    /// The world with the present numbers, and the sun at a zenith angle and an azimuth (degrees) where these are
+    /// The world with the present numbers (that of bands is the same with any), and the sun at a zenith angle and an azimuth (degrees) where these are
     /// given.
     ///
     /// # Errors
     /// Those of a physical sky that its model refuses.
     pub fn world(&self, sun_deg: Option<[f64; 2]>) -> Result<ReferenceWorld> {
+        if self.bands.is_some() {
+            return Ok(self.world.clone());
+        }
         let lights = self.lights(&self.lit(sun_deg, None))?;
         let mut out = self.world.clone();
         (out.sun, out.sky, out.dome, out.environment) = (lights.sun, lights.sky, lights.dome, lights.environment);

@@ -15,8 +15,7 @@ use super::estimate::{Estimate, estimate_all};
 use super::scattering::ScatterPoint;
 use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, PathSampler, PathTracer};
 use crate::accelerate::Ray;
-use crate::stage::SideBy;
-use std::f64::consts::PI;
+use crate::stage::{SideBy, Surface};
 
 /// What a surface that is the same everywhere scatters at each wavelength. Its gloss is that of the world's surface.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,8 +35,9 @@ impl SurfaceBands {
 }
 
 /// The tracer of one canopy's bands.
-struct BandTracer<'a> {
-    tracer: &'a PathTracer<'a>,
+pub(super) struct BandTracer<'a> {
+    /// The tracer of its world.
+    pub tracer: &'a PathTracer<'a>,
     /// One for each leaf of the world.
     surfaces: &'a [SurfaceBands],
     /// The sun's brightest channel, and its irradiance there. Each band has a sun of irradiance 1.
@@ -60,13 +60,13 @@ impl Canopy<'_> {
         paths: u32,
     ) -> Result<Vec<Estimate>, String> {
         let tracer = BandTracer::new(self.tracer(), surfaces, bands)?;
-        let cosine = self.tracer().world().sun.as_ref().map_or(1.0, |sun| sun.direction.normalize().z);
+        let factor = self.factor_of_unit();
         Ok(estimate_all(self.key([zenith, azimuth]), paths, bands, |samples, add| {
             let (mut carried, mut brought) = (vec![0.0; bands], vec![0.0; bands]);
             for samples in samples {
                 let [u, v, ..] = samples.next();
                 tracer.follow(self.seen_from([zenith, azimuth], [u, v]), samples, &mut carried, &mut brought);
-                brought.iter_mut().for_each(|v| *v *= PI / cosine);
+                brought.iter_mut().for_each(|v| *v *= factor);
                 add(&brought);
             }
         }))
@@ -74,7 +74,13 @@ impl Canopy<'_> {
 }
 
 impl<'a> BandTracer<'a> {
-    fn new(tracer: &'a PathTracer<'a>, surfaces: &'a [SurfaceBands], bands: usize) -> Result<BandTracer<'a>, String> {
+    /// # Errors
+    /// See [`Canopy::brf_of_bands`].
+    pub fn new(
+        tracer: &'a PathTracer<'a>,
+        surfaces: &'a [SurfaceBands],
+        bands: usize,
+    ) -> Result<BandTracer<'a>, String> {
         let world = tracer.world();
         let [leaves, own] = [world.leaves.len(), surfaces.len()];
         if leaves != own {
@@ -106,22 +112,36 @@ impl<'a> BandTracer<'a> {
         Ok(BandTracer { tracer, surfaces, channel, irradiance })
     }
 
+    /// The leaf of the world at a point.
+    pub fn leaf(&self, surface: &Surface) -> usize {
+        self.tracer.stage.leaf_index(surface.instance)
+    }
+
+    /// What the leaf at a point scatters.
+    pub fn of(&self, surface: &Surface) -> &'a SurfaceBands {
+        &self.surfaces[self.leaf(surface)]
+    }
+
+    /// Light of the sun, over the sun's irradiance.
+    pub fn unit(&self, light: [f64; 3]) -> f64 {
+        light[self.channel] / self.irradiance
+    }
+
     /// One path along `ray` (of unit direction). `brought` becomes its radiance in each band.
     fn follow(&self, mut ray: Ray, samples: &mut PathSampler, carried: &mut [f64], brought: &mut [f64]) {
         let PathTracer { stage, lights, paths } = self.tracer;
         let strategy = paths.strategy;
         let most = paths.bounces.unwrap_or(MOST_SCATTERINGS).min(MOST_SCATTERINGS);
         let by_lights = lights.drawn(strategy);
-        let unit = |light: [f64; 3]| light[self.channel] / self.irradiance;
         carried.fill(1.0);
         brought.fill(0.0);
         let Some(mut met) = stage.nearest(&ray) else {
-            brought.fill(unit(self.tracer.background(ray.direction)));
+            brought.fill(self.unit(self.tracer.background(ray.direction)));
             return;
         };
         for turned in 1..=most {
             let surface = stage.surface(&met, SideBy::Triangle);
-            let of = &self.surfaces[stage.leaf_index(surface.instance)];
+            let of = self.of(&surface);
             let (rho_d, rho_t) = (&of.rho_d[usize::from(surface.back)], &of.rho_t);
             let mut scatter = ScatterPoint::new(stage, &surface, [1.0; 3], surface.rho_t());
             let rho_s = scatter.rho_s()[0];
@@ -145,7 +165,7 @@ impl<'a> BandTracer<'a> {
                     Some(density) => strategy.light(density, || scatter.density(light.direction)),
                     None => light.level,
                 };
-                let lit = unit(light.weight) * share;
+                let lit = self.unit(light.weight) * share;
                 for ((sum, c), rho) in brought.iter_mut().zip(&*carried).zip(rho) {
                     *sum += c * (rho * factor + gloss) * lit;
                 }
@@ -162,7 +182,7 @@ impl<'a> BandTracer<'a> {
             }
             ray = stage.leave(surface.point, surface.flat, direction);
             let Some(next) = stage.nearest(&ray) else {
-                let seen = unit(lights.seen(ray.direction, density, strategy, true));
+                let seen = self.unit(lights.seen(ray.direction, density, strategy, true));
                 if seen > 0.0 {
                     brought.iter_mut().zip(&*carried).for_each(|(sum, c)| *sum += c * seen);
                 }
@@ -186,7 +206,7 @@ impl<'a> BandTracer<'a> {
 const LANES: usize = 8;
 
 /// Σ aᵢ bᵢ.
-fn product(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn product(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
     let (wide_a, wide_b) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
     let rest: f64 = wide_a.remainder().iter().zip(wide_b.remainder()).map(|(a, b)| a * b).sum();
@@ -197,7 +217,7 @@ fn product(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The largest of numbers that are not negative.
-fn largest(a: &[f64]) -> f64 {
+pub(super) fn largest(a: &[f64]) -> f64 {
     let mut most = [0.0; LANES];
     let wide = a.chunks_exact(LANES);
     let rest = wide.remainder().iter().fold(0.0, |most: f64, v| most.max(*v));

@@ -8,9 +8,9 @@ use crate::test_worlds::{plates, square};
 use crate::world::{ReferenceGloss, ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld};
 use glam::{DMat4, DQuat, DVec3};
 
-const PERIOD: f64 = 100.0;
+pub(super) const PERIOD: f64 = 100.0;
 
-fn sunlit(mut world: ReferenceWorld) -> ReferenceWorld {
+pub(super) fn sunlit(mut world: ReferenceWorld) -> ReferenceWorld {
     world.periodic = Some([PERIOD; 2]);
     let direction = DVec3::new(0.4, 0.1, 0.9);
     world.sun = Some(ReferenceSun { direction, irradiance: [2.0, 0.5, 1.0], radius: 0.0 });
@@ -18,7 +18,7 @@ fn sunlit(mut world: ReferenceWorld) -> ReferenceWorld {
 }
 
 /// Leaves with a gloss over a ground, where all three channels differ.
-fn crown() -> ReferenceWorld {
+pub(super) fn crown() -> ReferenceWorld {
     let mut world = plates(1.0, &[]);
     let gloss = || Some(ReferenceGloss::even([0.04; 3], 0.3));
     let side = |rho_d, gloss| ReferenceSide::even(rho_d, [0.05, 0.3, 0.45], gloss);
@@ -39,7 +39,7 @@ fn crown() -> ReferenceWorld {
 }
 
 /// The bands that a world's three channels are, as the world holds them.
-fn channels(world: &ReferenceWorld) -> Vec<SurfaceBands> {
+pub(super) fn channels(world: &ReferenceWorld) -> Vec<SurfaceBands> {
     let list = |maps: &[Vec<f32>; 3]| maps.iter().map(|map| f64::from(map[0])).collect::<Vec<f64>>();
     let of = |leaf: &ReferenceLeaf| {
         let [front, back] = [&leaf.front, &leaf.back].map(|side| match &side.interior {

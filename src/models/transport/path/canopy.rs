@@ -97,6 +97,11 @@ impl<'a> Canopy<'a> {
         self.irradiance.map(|e| PI / (e * self.sun.z))
     }
 
+    /// The reflectance factor for a radiance of 1 under a sun of irradiance 1.
+    pub(super) fn factor_of_unit(&self) -> f64 {
+        PI / self.sun.z
+    }
+
     /// Azimuth of the sun (rad), from +x towards +y.
     pub fn sun_azimuth(&self) -> f64 {
         self.sun.y.atan2(self.sun.x)

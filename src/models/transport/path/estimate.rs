@@ -64,13 +64,14 @@ pub(super) fn estimate_all(
     (0..count).map(of).collect()
 }
 
-/// The mean of independent means, and the variance of that mean; infinite for a single one.
-pub(super) fn spread(means: &[[f64; 3]]) -> ([f64; 3], [f64; 3]) {
+/// The mean of independent means of `count` numbers each, and the variance of that mean; infinite for a single one.
+pub(super) fn spread(means: &[Vec<f64>], count: usize) -> (Vec<f64>, Vec<f64>) {
     let n = means.len() as f64;
-    let mean = [0, 1, 2].map(|c| means.iter().map(|m| m[c]).sum::<f64>() / n);
-    let variance = [0, 1, 2].map(|c| match means.len() {
+    let mean: Vec<f64> = (0..count).map(|c| means.iter().map(|m| m[c]).sum::<f64>() / n).collect();
+    let variance = (0..count).map(|c| match means.len() {
         0 | 1 => f64::INFINITY,
         _ => means.iter().map(|m| (m[c] - mean[c]).powi(2)).sum::<f64>() / (n - 1.0) / n,
     });
+    let variance = variance.collect();
     (mean, variance)
 }

@@ -9,6 +9,9 @@
 //! All arithmetic is f64. Limits: only surfaces scatter, so there is no mist. Inside a blade, light moves from one
 //! texel to another only in the translucency maps of sunlight. Only sun, sky and environment emit light.
 
+mod band_slopes;
+#[cfg(test)]
+mod band_slopes_tests;
 mod bands;
 #[cfg(test)]
 mod bands_tests;
@@ -25,6 +28,7 @@ mod picture;
 mod picture_tests;
 mod samples;
 mod scattering;
+mod sheet;
 pub mod slopes;
 #[cfg(test)]
 mod slopes_tests;

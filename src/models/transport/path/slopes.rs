@@ -13,7 +13,8 @@
 use super::leaf_slopes::{self, LeafSlopes, Term};
 use super::lights::LightSample;
 use super::scattering::ScatterPoint;
-use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, PathSampler, PathTracer, estimate};
+pub use super::sheet::DerivativePicture;
+use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, PathSampler, PathTracer, sheet};
 use crate::Result;
 use crate::accelerate::Ray;
 use crate::camera::{CameraRays, ReferenceCamera};
@@ -21,8 +22,6 @@ use crate::dome::RadianceAt;
 use crate::stage::SideBy;
 use crate::world::ReferenceSide;
 use glam::DVec3;
-use mesophyll_files::progress;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// What radiance is differentiated by. Each has a number for each channel, which changes the light of that channel
@@ -68,9 +67,9 @@ pub enum RadianceParameter {
 }
 
 /// The least share of draws of a lobe whose derivative is asked for.
-const LEAST: f64 = 0.1;
+pub(super) const LEAST: f64 = 0.1;
 /// What a derivative counts in the roulette, relative to the radiance that a path carries. Reflectances are about this.
-const WORTH: f64 = 0.1;
+pub(super) const WORTH: f64 = 0.1;
 
 /// What one path brings.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,17 +77,6 @@ pub struct PathContribution {
     /// Radiance.
     pub radiance: [f64; 3],
     /// Its derivatives, in the order of the list.
-    pub slopes: Vec<[f64; 3]>,
-}
-
-/// Pictures of radiance and of its derivatives.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct DerivativePicture {
-    /// Mean radiance of each pixel (or direction).
-    pub mean: Vec<[f64; 3]>,
-    /// The variance of that mean.
-    pub variance: Vec<[f64; 3]>,
-    /// Derivatives, all of a pixel together.
     pub slopes: Vec<[f64; 3]>,
 }
 
@@ -280,49 +268,20 @@ impl<'a> DerivativeTracer<'a> {
         if irradiance[most] > 0.0 { lit[most] / irradiance[most] } else { 0.0 }
     }
 
-    /// Means over rounds of `each` paths from each of `count` places. `ray` gives a place's ray for two uniform
-    /// numbers.
+    /// What paths from `count` places bring. `ray` gives a place's ray for two uniform numbers.
     fn sheet(
         &self,
         count: usize,
-        [rounds, each]: [u32; 2],
+        paths: [u32; 2],
         seed: u64,
         ray: impl Fn(usize, [f64; 2]) -> Ray + Sync,
     ) -> Result<DerivativePicture> {
-        let n = self.of.len();
-        let of = |place: usize| {
-            let (mut means, mut slopes) = (Vec::with_capacity(rounds as usize), vec![[0.0; 3]; n]);
-            if progress::stop_requested() {
-                return ([0.0; 3], [0.0; 3], slopes);
-            }
-            for round in 0..rounds {
-                let seed = super::picture::pixel_seed(seed, place, round);
-                let mut mean = [0.0; 3];
-                for path in 0..each {
-                    let mut samples = PathSampler::new(seed, path);
-                    let [x, y, ..] = samples.next();
-                    let found = self.follow(ray(place, [x, y]), &mut samples);
-                    (0..3).for_each(|c| mean[c] += found.radiance[c] / f64::from(each));
-                    let share = 1.0 / f64::from(each * rounds);
-                    for (sum, new) in slopes.iter_mut().zip(found.slopes) {
-                        (0..3).for_each(|c| sum[c] += new[c] * share);
-                    }
-                }
-                means.push(mean);
-            }
-            let (mean, variance) = estimate::spread(&means);
-            (mean, variance, slopes)
-        };
-        let all: Vec<_> = (0..count).into_par_iter().map(of).collect();
-        progress::go_on()?;
-        let mut out =
-            DerivativePicture { mean: Vec::new(), variance: Vec::new(), slopes: Vec::with_capacity(n * count) };
-        for (mean, variance, slopes) in all {
-            out.mean.push(mean);
-            out.variance.push(variance);
-            out.slopes.extend(slopes);
-        }
-        Ok(out)
+        sheet::sheet(count, [3, self.of.len()], paths, seed, |place, samples, brought| {
+            let [x, y, ..] = samples.next();
+            let PathContribution { radiance, slopes } = self.follow(ray(place, [x, y]), samples);
+            let all = radiance.iter().chain(slopes.as_flattened());
+            brought.iter_mut().zip(all).for_each(|(to, v)| *to = *v);
+        })
     }
 
     /// A picture of `size` (columns, rows) pixels, row by row from the top, from rounds of
@@ -357,11 +316,7 @@ impl<'a> DerivativeTracer<'a> {
         seed: u64,
     ) -> Result<DerivativePicture> {
         let mut sheet = self.sheet(toward.len(), [rounds, each], seed, |k, at| canopy.seen_from(toward[k], at))?;
-        let of = canopy.factors();
-        for c in 0..3 {
-            sheet.mean.iter_mut().chain(&mut sheet.slopes).for_each(|v| v[c] *= of[c]);
-            sheet.variance.iter_mut().for_each(|v| v[c] *= of[c] * of[c]);
-        }
+        sheet.scale(&canopy.factors());
         Ok(sheet)
     }
 }

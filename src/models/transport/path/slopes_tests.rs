@@ -24,7 +24,7 @@ fn along(world: &ReferenceWorld, of: &[RadianceParameter], from: DVec3, to: DVec
     let rounds: Vec<Vec<f64>> = (0..16)
         .map(|k| {
             let sheet = slopes.picture(&camera, [1, 1], [8, paths / 128], k).unwrap();
-            std::iter::once(sheet.mean[0][1]).chain(sheet.slopes.iter().map(|s| s[1])).collect()
+            std::iter::once(sheet.mean[1]).chain((0..of.len()).map(|k| sheet.slope(0, k, 1))).collect()
         })
         .collect();
     (0..=of.len())

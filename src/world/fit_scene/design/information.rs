@@ -22,24 +22,24 @@ impl PlannedShot {
         let fitted = |k: usize| shot.uses[k] == PixelUse::Fitted;
         let [w, h] = shot.size;
         if w <= columns || !matches!(shot.by, ReadingKind::Camera(_)) {
-            let counts = (0..shot.seen.len()).map(|k| f64::from(u8::from(fitted(k)))).collect();
+            let counts = (0..shot.uses.len()).map(|k| f64::from(u8::from(fitted(k)))).collect();
             return PlannedShot { shot: shot.clone(), counts };
         }
         let size = [columns, ((h * columns) as f64 / w as f64).round().max(1.0) as usize];
         let all = size[0] * size[1];
-        let (mut counts, mut squares, mut n) = (vec![0.0; all], vec![[0.0; 3]; all], vec![0.0f64; all]);
-        for k in 0..shot.seen.len() {
+        let (mut counts, mut squares, mut n) = (vec![0.0; all], vec![0.0; 3 * all], vec![0.0f64; all]);
+        for k in 0..shot.uses.len() {
             let to = k / w * size[1] / h * size[0] + k % w * size[0] / w;
             counts[to] += f64::from(u8::from(fitted(k)));
             if let Some(error) = &shot.error {
-                (0..3).for_each(|c| squares[to][c] += error[k][c].powi(2));
+                (0..3).for_each(|c| squares[3 * to + c] += error[3 * k + c].powi(2));
                 n[to] += 1.0;
             }
         }
-        let mean = |k: usize| squares[k].map(|s: f64| (s / n[k].max(1.0)).sqrt());
+        let mean = |i: usize| (squares[i] / n[i / 3].max(1.0)).sqrt();
         let uses = counts.iter().map(|count| if *count > 0.0 { PixelUse::Fitted } else { PixelUse::Out }).collect();
-        let error = shot.error.as_ref().map(|_| (0..all).map(mean).collect());
-        let coarse = ScenePhotograph { size, seen: vec![[0.0; 3]; all], error, uses, ..shot.clone() };
+        let error = shot.error.as_ref().map(|_| (0..3 * all).map(mean).collect());
+        let coarse = ScenePhotograph { size, seen: vec![0.0; 3 * all], error, uses, ..shot.clone() };
         PlannedShot { shot: coarse, counts }
     }
 }
@@ -67,14 +67,15 @@ pub fn rows(
     let variances = variances(shot, [shown, shown], 2 * rounds, factor);
     let (mut information, mut row) = (DMatrix::<f64>::zeros(n, n), Vec::with_capacity(n));
     for (k, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0.0) {
-        for c in 0..3 {
-            if shown.mean[k][c] == 0.0 {
+        for c in 0..shot.channels {
+            let at = k * shot.channels + c;
+            if shown.mean[at] == 0.0 {
                 continue;
             }
             // A fit follows so many paths that its own noise is a third of the measurement's. The mean of 1/x² of an
             // uncertain x is larger than 1/x², by three times its variance over x⁴.
-            let uncertain = 3.0 * (shot.noise * factor).powi(2) * shown.variance[k][c];
-            let weight = count / (variances[k][0][c] * (1.0 + OWN * OWN) + uncertain);
+            let uncertain = 3.0 * (shot.noise * factor).powi(2) * shown.variance[at];
+            let weight = count / (variances[at][0] * (1.0 + OWN * OWN) + uncertain);
             slopes.row(&first, k, c, &mut row);
             for (i, p, q) in &row {
                 for (j, u, v) in &row {

@@ -17,7 +17,7 @@ use crate::pictures::{LitScene, is_fitted, worlds};
 use crate::quantity::{UnknownKind, UnknownQuantity};
 use crate::step::keep_energy;
 use crate::unknowns::SceneUnknowns;
-use crate::{Error, Result, covariance, require_canopy};
+use crate::{Error, Result, covariance, require_canopy, wavelengths};
 pub use candidates::SceneCandidate;
 use information::PlannedShot;
 use mesophyll_base::selection::{DesignAim, DesignChoice, DesignParameter, DesignProblem, DesignSituation};
@@ -89,16 +89,20 @@ pub struct SceneDesign {
 pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) -> Result<SceneDesign> {
     let manifest = &scene.manifest;
     manifest.require_unknown()?;
+    if wavelengths(manifest)?.is_some() {
+        let what = "its tables have wavelengths; expected those of three channels, which pictures have too";
+        return Err(Error::field(&manifest.path, "brf", what));
+    }
     let there = manifest.taken.iter().any(|p| !p.held_out) || manifest.factors.iter().any(|f| !f.held_out);
-    let mut shots = if there { photographs::read(manifest)? } else { Vec::new() };
+    let mut shots = if there { photographs::read(manifest, None)? } else { Vec::new() };
     shots.retain(is_fitted);
     let world = reference::traced(scene, manifest.rest_time(), ledger)?;
-    require_canopy(manifest, &world, options.seed)?;
+    require_canopy(manifest, &world, options.seed, false)?;
     let candidates = candidates::all(manifest, options)?;
     let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
     groups.sort();
     groups.dedup();
-    let mut numbers = SceneUnknowns::new(scene, world, &groups, ledger)?;
+    let mut numbers = SceneUnknowns::new(scene, world, &groups, None, ledger)?;
     let noise = noise(&shots, options);
     let size = shots.iter().find(|s| matches!(s.by, photographs::ReadingKind::Camera(_))).map(|s| s.size);
     let size = size.unwrap_or([manifest.check.width, manifest.check.height].map(|n| n as usize));
@@ -109,7 +113,7 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
     planned.extend(new.map(|shot| PlannedShot::taken(&shot, options.columns)));
 
     let (unit, stated) = (covariance::unit(&numbers), numbers.values());
-    let parameters = parameters(&numbers.list, &unit, options)?;
+    let parameters = parameters(&numbers, &unit, options)?;
     let bar = TaskProgress::new("pictures drawn", (options.draws.max(1) * planned.len()) as u64);
     let mut situations = Vec::new();
     for draw in 0..options.draws.max(1) {
@@ -141,7 +145,8 @@ fn noise(shots: &[ScenePhotograph], options: &SceneDesignOptions) -> f64 {
 }
 
 /// The numbers, with what is known of each before any picture: it is uncertain by its own unit, as in the fit.
-fn parameters(list: &[UnknownQuantity], unit: &[f64], options: &SceneDesignOptions) -> Result<Vec<DesignParameter>> {
+fn parameters(numbers: &SceneUnknowns, unit: &[f64], options: &SceneDesignOptions) -> Result<Vec<DesignParameter>> {
+    let (list, channels) = (&numbers.list, &numbers.channels);
     let asked = |q: &UnknownQuantity| match options.wanted.is_empty() {
         true => !matches!(q.kind, UnknownKind::Exposure(_)),
         false => options.wanted.iter().any(|w| q.name.starts_with(w.as_str())),
@@ -150,7 +155,7 @@ fn parameters(list: &[UnknownQuantity], unit: &[f64], options: &SceneDesignOptio
         let all = list.iter().map(|q| q.name.as_str()).collect::<Vec<_>>().join(", ");
         return Err(Error::Usage(format!("--for: found {wrong:?}, expected what one of {all} begins with")));
     }
-    let each = list.iter().flat_map(|q| q.names().into_iter().map(move |name| (name, asked(q))));
+    let each = list.iter().flat_map(|q| q.names(channels).into_iter().map(move |name| (name, asked(q))));
     Ok(each.zip(unit).map(|((name, wanted), known)| DesignParameter { name, known: *known, wanted }).collect())
 }
 
