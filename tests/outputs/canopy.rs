@@ -125,6 +125,20 @@ fn bands_of_a_closed_canopy_meet_their_closed_forms() {
         }
     }
     // All wavelengths that both spectra cover.
+    // Where the light of each wavelength goes: a row each, relative to what falls on the plate.
+    let fluxes = ["eval", "canopy", scene.to_str().unwrap(), "--fluxes", "--samples", "16384", "--bands", "850,450,700"];
+    let output = run(fluxes);
+    succeeded(&output);
+    let names = ["wavelength_nm", "reflected", "reflected_err", "absorbed", "absorbed_err", "transmitted"];
+    let found = columns(&output.stdout, names);
+    assert_eq!(found.iter().map(|row| row[0]).collect::<Vec<_>>(), [850.0, 450.0, 700.0]);
+    for (row, [rho, tau, ground]) in found.iter().zip([[0.6, 0.4, 1.0], [0.0, 0.0, 0.125], [0.35, 0.225, 0.25]]) {
+        let down = tau / (1.0 - rho * ground);
+        let (up, taken) = (rho + tau * ground * down, (1.0 - rho - tau) * (1.0 + ground * down));
+        assert!((row[1] - up).abs() < 4.0 * row[2] + 1e-6, "{row:?}, expected {up}");
+        assert!((row[3] - taken).abs() < 4.0 * row[4] + 1e-6, "{row:?}, expected {taken}");
+        assert!((row[5] - down).abs() < 0.05 * down.max(0.1), "{row:?}, expected {down}");
+    }
     let output = run(args(&scene, "all"));
     succeeded(&output);
     let header = String::from_utf8(output.stdout).unwrap().lines().next().unwrap().to_string();

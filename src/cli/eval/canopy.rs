@@ -11,13 +11,13 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::{leaf::LeafSearch, ledger::Ledger};
-use mesophyll_transport::path::{Canopy, SurfaceBands};
+use mesophyll_transport::path::{Canopy, Estimate, SurfaceBands};
 use std::path::{Path, PathBuf};
 
 /// The bidirectional reflectance factor of a periodic scene under its sun, as CSV: columns
 /// `view_zenith_deg,view_azimuth_deg` → `brf,brf_err,status`. With --bands the factors at many wavelengths, from the
 /// same paths: `brf_450,brf_450_err,…`. With --fluxes instead the shares of the sun's light that the canopy reflects
-/// and absorbs, and that reach the ground.
+/// and absorbs, and that reach the ground; with --bands too, a row for each wavelength.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval canopy"))]
 pub struct Args {
@@ -45,7 +45,7 @@ pub struct Args {
     channel: String,
     /// Wavelengths (nm) instead of a channel, of leaves and a ground that have spectra: a list, a table with the column
     /// wavelength_nm, or all that the spectra have in common
-    #[arg(long, value_name = "450,550,…|FILE.csv|all", conflicts_with_all = ["fluxes", "channel"])]
+    #[arg(long, value_name = "450,550,…|FILE.csv|all", conflicts_with = "channel")]
     bands: Option<BandChoice>,
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -99,9 +99,8 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         return Err(Error::field(&args.scene, "sun.irradiance", what));
     }
     match (batch, &light) {
-        (Some(batch), _) => directions(args, batch, &io, &canopy, &light, common),
-        (None, CanopyLight::Channel(channel)) => fluxes(args, &canopy, *channel, common),
-        (None, CanopyLight::Bands(..)) => Err(Error::Usage("--bands needs --directions".into())),
+        (Some(batch), light) => directions(args, batch, &io, &canopy, light, common),
+        (None, light) => fluxes(args, &canopy, light, wavelengths.as_deref(), common),
     }
 }
 
@@ -143,32 +142,60 @@ fn directions(
     Ok(0)
 }
 
-fn fluxes(args: &Args, canopy: &Canopy, channel: usize, common: &CommonArgs) -> Result<u8> {
-    let found = canopy.fluxes(channel, args.samples);
+fn fluxes(args: &Args, canopy: &Canopy, light: &CanopyLight, nm: Option<&[f64]>, common: &CommonArgs) -> Result<u8> {
+    let found = match light {
+        CanopyLight::Channel(channel) => vec![canopy.fluxes(*channel, args.samples)],
+        CanopyLight::Bands(surfaces, bands) => {
+            canopy.fluxes_of_bands(surfaces, *bands, args.samples).map_err(|what| Error::input(&args.scene, what))?
+        }
+    };
     if progress::stop_requested() {
         return Err(Error::Interrupted("interrupted; nothing was written".into()));
     }
-    let named = [("reflected", found.reflected), ("absorbed", found.absorbed), ("transmitted", found.transmitted)];
+    let mut rows: Vec<Vec<(&str, f64)>> = Vec::new();
+    for (k, of) in found.iter().enumerate() {
+        let wavelength = nm.map(|nm| ("wavelength_nm", nm[k]));
+        let shares = [
+            ("reflected", of.reflected.mean),
+            ("reflected_err", of.reflected.error),
+            ("absorbed", of.absorbed.mean),
+            ("absorbed_err", of.absorbed.error),
+            ("transmitted", of.transmitted.mean),
+            ("transmitted_err", of.transmitted.error),
+        ];
+        rows.push(wavelength.into_iter().chain(shares).collect());
+    }
     if common.json && args.output == Path::new("-") {
-        let mut row = serde_json::Map::new();
-        for (name, value) in named {
-            row.insert(name.into(), value.mean.into());
-            row.insert(format!("{name}_err"), value.error.into());
+        let json = rows
+            .iter()
+            .map(|row| row.iter().map(|(name, value)| (name.to_string(), serde_json::Value::from(*value))).collect());
+        let mut json: Vec<serde_json::Map<String, serde_json::Value>> = json.collect();
+        // Of a channel there is one answer.
+        match nm {
+            None => crate::cli::print_json(&json.pop().unwrap_or_default())?,
+            Some(_) => crate::cli::print_json(&json)?,
         }
-        crate::cli::print_json(&row)?;
         return Ok(0);
     }
-    let names = named.map(|(name, _)| format!("{name},{name}_err"));
-    let values = named.map(|(_, v)| format!("{},{}", v.mean, v.error));
-    let text = format!("{}\n{}\n", names.join(","), values.join(","));
+    let joined = |cells: Vec<String>| cells.join(",") + "\n";
+    let header = rows.first().map(|row| joined(row.iter().map(|(name, _)| name.to_string()).collect()));
+    let lines = rows.iter().map(|row| joined(row.iter().map(|(_, value)| value.to_string()).collect()));
+    let text: String = header.into_iter().chain(lines).collect();
     match args.output == Path::new("-") {
         true => crate::cli::print(&text)?,
         false => atomic::write_bytes(&args.output, text.as_bytes())?,
     }
-    let off = found.closure.mean - 1.0;
-    progress::say(format!(
-        "energy balance: reflected + absorbed + taken up by the ground differs from 1 by {off:+.1e} ± {:.1e}",
-        found.closure.error
-    ));
+    let off = found.iter().map(|of| of.closure).max_by(|a, b| {
+        let far = |e: &Estimate| (e.mean - 1.0).abs();
+        far(a).total_cmp(&far(b))
+    });
+    if let Some(closure) = off {
+        let most = if nm.is_some() { "by at most " } else { "by " };
+        progress::say(format!(
+            "energy balance: reflected + absorbed + taken up by the ground differs from 1 {most}{:+.1e} ± {:.1e}",
+            closure.mean - 1.0,
+            closure.error
+        ));
+    }
     Ok(0)
 }

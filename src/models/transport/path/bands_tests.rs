@@ -76,6 +76,43 @@ fn three_bands_are_the_three_channels() {
     assert!((bands[0].mean - mean).abs() < 4.0 * bands[0].error.hypot(error), "{:?} {mean} ± {error}", bands[0]);
 }
 
+#[test]
+fn fluxes_of_three_bands_are_those_of_the_three_channels() {
+    let mut world = crown();
+    world.ground = Some(world.instances.len() - 1);
+    let canopy = Canopy::new(&world, 5).unwrap();
+    let bands = canopy.fluxes_of_bands(&channels(&world), 3, 4096).unwrap();
+    for (c, band) in bands.iter().enumerate() {
+        let want = canopy.fluxes(c, 4096);
+        let pairs = [
+            (band.reflected, want.reflected),
+            (band.absorbed, want.absorbed),
+            (band.transmitted, want.transmitted),
+            (band.closure, want.closure),
+        ];
+        for (found, want) in pairs {
+            assert!(want.mean > 0.01 && want.error > 0.0);
+            assert!((found.mean - want.mean).abs() < 1e-6 * want.mean, "{c}: {found:?} {want:?}");
+        }
+        assert!((band.closure.mean - 1.0).abs() < 4.0 * band.closure.error, "{:?}", band.closure);
+    }
+    // Light between a plate and the ground, relative to what falls on the plate.
+    let mut world = sunlit(plates(0.5 * PERIOD, &[(30.0, [0.4, 0.4], 0.3), (0.0, [0.3, 0.0], 0.0)]));
+    world.ground = Some(1);
+    let of = [[0.0, 0.0, 0.0], [0.4, 0.35, 0.3], [0.5, 0.4, 0.9]];
+    let list = |k: usize| of.iter().map(|band| band[k]).collect::<Vec<f64>>();
+    let surfaces = [SurfaceBands { rho_d: [list(0), list(0)], rho_t: list(1) }, SurfaceBands::opaque(list(2))];
+    let found = Canopy::new(&world, 1).unwrap().fluxes_of_bands(&surfaces, of.len(), 1 << 15).unwrap();
+    for (found, [rho, tau, ground]) in found.iter().zip(of) {
+        let down = tau / (1.0 - rho * ground);
+        let want = [rho + tau * ground * down, (1.0 - rho - tau) * (1.0 + ground * down), down];
+        let found = [found.reflected, found.absorbed, found.transmitted];
+        for (Estimate { mean, error }, want) in found.into_iter().zip(want) {
+            assert!((mean - want).abs() <= 4.0 * error + 1e-9, "{rho} {tau}: {mean} ± {error}, {want}");
+        }
+    }
+}
+
 /// A plate that lets light through, over a ground: black and white bands beside each other, bands that only reflect or
 /// only let through, and one odd band among many.
 #[test]

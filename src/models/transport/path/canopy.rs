@@ -81,6 +81,16 @@ impl<'a> Canopy<'a> {
         [sin * azimuth.cos(), sin * azimuth.sin(), cos].iter().fold(self.seed, |key, x| mix(key, x.to_bits()))
     }
 
+    /// The seed of paths that follow the light.
+    pub(super) fn flux_key(&self) -> u64 {
+        mix(self.seed, 4)
+    }
+
+    /// A ray of the sun's light.
+    pub(super) fn lit(&self, at: [f64; 2]) -> Ray {
+        self.enter(-self.sun, at)
+    }
+
     /// The tracer of its light.
     pub fn tracer(&self) -> &PathTracer<'a> {
         &self.tracer
@@ -129,10 +139,10 @@ impl<'a> Canopy<'a> {
 
     /// What becomes of the light of channel `channel`, from `paths` paths that follow the light.
     pub fn fluxes(&self, channel: usize, paths: u32) -> CanopyFluxes {
-        let [reflected, absorbed, transmitted, closure] = estimate(mix(self.seed, 4), paths, |samples| {
+        let [reflected, absorbed, transmitted, closure] = estimate(self.flux_key(), paths, |samples| {
             let follow = |samples: &mut PathSampler| {
                 let [u, v, ..] = samples.next();
-                self.light(self.enter(-self.sun, [u, v]), channel, samples)
+                self.light(self.lit([u, v]), channel, samples)
             };
             samples.iter_mut().map(follow).collect()
         });

@@ -9,6 +9,7 @@
 //! All arithmetic is f64. Limits: only surfaces scatter, so there is no mist. Inside a blade, light moves from one
 //! texel to another only in the translucency maps of sunlight. Only sun, sky and environment emit light.
 
+mod band_fluxes;
 mod band_slopes;
 #[cfg(test)]
 mod band_slopes_tests;
