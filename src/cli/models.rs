@@ -262,6 +262,13 @@ pub const MODELS: [ModelEntry; 29] = [
         name: "scene",
         fit: verb!(fit::scene, "What leaves, ground and light of a scene are, from linear pictures of it"),
         design: verb!(design::scene, "Which cameras and suns further pictures of a scene should have"),
+        bench: Some(ModelSweep {
+            peers: Some(PeerScript {
+                text: include_str!("../../tests/peers/scene_peers.py"),
+                inputs: scene::bench::peers,
+            }),
+            ..sweep!(scene::bench::bench_rows)
+        }),
         stress: Some(scene::stress),
         ..NONE
     },

@@ -66,11 +66,7 @@ const LEFT_OUT: [(&str, &str); 32] = [
 ];
 
 /// Commands that are made smaller for the test: the printed words, and the words that are run instead.
-<<<<<<< HEAD
-const SMALLER: [(&str, &str); 18] = [
-=======
-const SMALLER: [(&str, &str); 17] = [
->>>>>>> d086ef4c (eval canopy --fluxes --bands; a tutorial from photographs to a plant; an example and docs of bands)
+const SMALLER: [(&str, &str); 20] = [
     ("--acquisition photo --size 960x720", "--acquisition photo --size 160x120"),
     ("--fps 4 -o out/autumn-film", "--fps 0.2 --size 60x60 -o out/autumn-film"),
     ("--to 4 -o out/breeze", "--to 0.1 --size 60x60 -o out/breeze"),
@@ -249,11 +245,7 @@ fn the_commands_of_the_foliar_page_run() {
 
 #[test]
 fn the_commands_of_the_tutorials_run() {
-<<<<<<< HEAD
-    assert_eq!(run_page("docs/tutorials.md", false), [20, 0]);
-=======
-    assert_eq!(run_page("docs/tutorials.md", false), [19, 0]);
->>>>>>> d086ef4c (eval canopy --fluxes --bands; a tutorial from photographs to a plant; an example and docs of bands)
+    assert_eq!(run_page("docs/tutorials.md", false), [24, 0]);
     assert_eq!(run_page("docs/good.md", false), [2, 0]);
 }
 

@@ -126,7 +126,8 @@ fn bands_of_a_closed_canopy_meet_their_closed_forms() {
     }
     // All wavelengths that both spectra cover.
     // Where the light of each wavelength goes: a row each, relative to what falls on the plate.
-    let fluxes = ["eval", "canopy", scene.to_str().unwrap(), "--fluxes", "--samples", "16384", "--bands", "850,450,700"];
+    let fluxes =
+        ["eval", "canopy", scene.to_str().unwrap(), "--fluxes", "--samples", "16384", "--bands", "850,450,700"];
     let output = run(fluxes);
     succeeded(&output);
     let names = ["wavelength_nm", "reflected", "reflected_err", "absorbed", "absorbed_err", "transmitted"];

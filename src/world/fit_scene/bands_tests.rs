@@ -1,8 +1,8 @@
 //! Spectra of leaves and soil from reflectance factors of bands.
 
-use super::synthetic::opened;
 use super::*;
 use mesophyll_scene::draw::bands::surfaces;
+use mesophyll_scene::placed::leaf::LeafSearch;
 use std::fmt::Write;
 
 /// Wavelengths (nm) of ten bands of a satellite, with the leaf's R and T and the soil's albedo.
@@ -43,6 +43,17 @@ fn canopy(folder: &Path, by: f64, tables: &str) -> String {
          [[view]]\nname = \"v\"\nkind = \"perspective\"\neye_mm = [0, 0, 9000]\ntarget_mm = [0, 0, 0]\n\
          up = [0, 1, 0]\nfov_deg = 10\n{tables}"
     )
+}
+
+/// Opens the scene of this text, as the command does: bands need no colours.
+fn opened(folder: &Path, text: &str) -> Result<LoadedScene> {
+    std::fs::write(folder.join("scene.toml"), text).unwrap();
+    with_bands(SceneManifest::read(&folder.join("scene.toml"))?)
+}
+
+fn with_bands(mut manifest: SceneManifest) -> Result<LoadedScene> {
+    manifest.forget_colours();
+    LoadedScene::open(manifest, LeafSearch::default(), &Ledger::new())
 }
 
 /// A table of a canopy's factors at all of its bands but those in `without`, with errors of 0.3 %.
@@ -97,9 +108,7 @@ fn reflectance_factors_of_ten_bands_give_spectra() {
     let found = SceneManifest::read(&out.join(SCENE)).unwrap();
     let read = found.wavelengths().unwrap();
     assert_eq!(read, TRUTH.map(|band| band[0]));
-    let mut found = found;
-    found.forget_colours();
-    let found = LoadedScene::open(found, mesophyll_scene::placed::leaf::LeafSearch::default(), &Ledger::new()).unwrap();
+    let found = with_bands(found).unwrap();
     let again = surfaces(&found, &[865.0]).unwrap();
     assert!((again[0].rho_t[0] - params["leaf.a.rho_t.865nm"].value[0]).abs() < 1e-6);
     assert!((again[1].rho_d[0][0] - params["ground.albedo.865nm"].value[0]).abs() < 1e-6);

@@ -71,6 +71,18 @@ pub fn scene([front, back, through, ground, sun]: [[f64; 3]; 5], tables: &str) -
     text + "[[instance]]\nleaf = \"b\"\nposition_mm = [0, 0, -5000]\n" + tables
 }
 
+/// The scene with 200 leaves, and pictures of 96 × 72 pixels. `numbers` and `tables` are as for [`scene`].
+pub fn crowd(numbers: [[f64; 3]; 5], tables: &str) -> String {
+    let mut text = scene(numbers, "").replace("width = 32", "width = 96").replace("height = 24", "height = 72");
+    for k in 24..200 {
+        let f = f64::from(k);
+        let at = [70.0 * (2.1 * f).sin(), 70.0 * (1.3 * f + 0.4).cos(), 15.0 + 0.5 * f];
+        let turn = [60.0 * (1.7 * f).sin(), 50.0 * (0.9 * f).cos(), 77.0 * f];
+        let _ = write!(text, "[[instance]]\nleaf = \"a\"\nposition_mm = {at:?}\nrotation_deg = {turn:?}\n");
+    }
+    text + tables
+}
+
 /// Opens the scene of this text, which it writes into a folder.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! Scenes of a few leaves, drawn by the path tracer with noise, and found again.
 
-use super::synthetic::{BOTH, START, TRUTH, opened, photograph, scene};
+use super::synthetic::{BOTH, START, TRUTH, crowd, opened, photograph, scene};
 use super::*;
 use mesophyll_fits::record::maker::FitOutcome;
 use std::fmt::Write;
@@ -178,16 +178,6 @@ fn geometry_belongs_to_a_fit_and_a_bright_patch_accuses_the_scene() {
 #[ignore = "a minute; for the figures of docs/evidence/pictures.md, in a release build"]
 fn two_hundred_leaves_are_found_in_one_picture() {
     let folder = tempfile::tempdir().unwrap();
-    let crowd = |numbers: [[f64; 3]; 5], tables: &str| {
-        let mut text = scene(numbers, "").replace("width = 32", "width = 96").replace("height = 24", "height = 72");
-        for k in 24..200 {
-            let f = f64::from(k);
-            let at = [70.0 * (2.1 * f).sin(), 70.0 * (1.3 * f + 0.4).cos(), 15.0 + 0.5 * f];
-            let turn = [60.0 * (1.7 * f).sin(), 50.0 * (0.9 * f).cos(), 77.0 * f];
-            let _ = write!(text, "[[instance]]\nleaf = \"a\"\nposition_mm = {at:?}\nrotation_deg = {turn:?}\n");
-        }
-        text + tables
-    };
     let one = BOTH.split_inclusive("across.exr\"\n").next().unwrap();
     photograph(folder.path(), &crowd(TRUTH, ""), 1.0, |_, v| v).unwrap();
     let unknown = "[unknown]\nleaves = { a = [\"rho_d\", \"rho_t\"] }\nground = [\"albedo\"]\n";

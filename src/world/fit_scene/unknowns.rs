@@ -220,8 +220,8 @@ impl SceneUnknowns {
         Ok(out)
     }
 
-    /// The world with the present numbers (that of bands is the same with any), and the sun at a zenith angle and an azimuth (degrees) where these are
-    /// given.
+    /// The world with the present numbers (that of bands is the same with any), and the sun at a zenith angle and an
+    /// azimuth (degrees) where these are given.
     ///
     /// # Errors
     /// Those of a physical sky that its model refuses.

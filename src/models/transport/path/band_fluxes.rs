@@ -9,8 +9,8 @@ use crate::accelerate::Ray;
 use crate::stage::SideBy;
 
 impl Canopy<'_> {
-    /// What becomes of the light of each of `bands` bands, from `paths` paths that follow the light. `surfaces` has what
-    /// each of the world's leaves scatters.
+    /// What becomes of the light of each of `bands` bands, from `paths` paths that follow the light. `surfaces` has
+    /// what each of the world's leaves scatters.
     ///
     /// # Errors
     /// As [`Canopy::brf_of_bands`].

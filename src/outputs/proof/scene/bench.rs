@@ -110,7 +110,8 @@ pub fn peers() -> Result<PeerInputs> {
         "seed": 77,
         "target": TARGET,
     });
-    let row = problem.row("peer", "mesophyll".into(), 1024, "200 leaves, one picture of 96 x 72 pixels, noise of 1 %")?;
+    let row =
+        problem.row("peer", "mesophyll".into(), 1024, "200 leaves, one picture of 96 x 72 pixels, noise of 1 %")?;
     let us = row.us;
     Ok(PeerInputs {
         files: vec![

@@ -1,6 +1,8 @@
 //! Pictures of scenes that say little, too much, or something else than the scene: the verdict that `fit scene` must
 //! give.
 
+pub mod bench;
+
 use crate::stress::StressRow;
 use crate::{Error, Result};
 use mesophyll_fit_scene::synthetic::{BOTH, START, TRUTH, glossy, moved, opened, photograph, scene, turned};
