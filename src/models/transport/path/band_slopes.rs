@@ -10,7 +10,8 @@ use super::sheet::{self, DerivativePicture};
 use super::slopes::{LEAST, RadianceParameter, WORTH};
 use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, PathSampler, PathTracer};
 use crate::accelerate::Ray;
-use crate::stage::{SideBy, Surface};
+use crate::stage::SideBy;
+use crate::surface::Surface;
 use crate::{Error, Result};
 
 /// Reflectances and transmittances of which derivatives are asked for.

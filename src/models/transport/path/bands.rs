@@ -15,7 +15,8 @@ use super::estimate::{Estimate, estimate_all};
 use super::scattering::ScatterPoint;
 use super::{Canopy, FOLLOWED, MOST_CARRIED, MOST_SCATTERINGS, PathSampler, PathTracer};
 use crate::accelerate::Ray;
-use crate::stage::{SideBy, Surface};
+use crate::stage::SideBy;
+use crate::surface::Surface;
 
 /// What a surface that is the same everywhere scatters at each wavelength. Its gloss is that of the world's surface.
 #[derive(Debug, Clone, PartialEq)]
