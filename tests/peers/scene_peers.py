@@ -197,7 +197,8 @@ if reached:
     if ours == ours:
         note += f"; {spent * 1e6 / ours:.1f} times Mesophyll's time in this run"
 else:
-    note = f"target of {said['target']:.3f} not reached in {step + 1} steps of {SAMPLES} paths a pixel, {size}; at best {best:.4f}"
+    note = f"target of {said['target']:.3f} not reached in {step + 1} steps of {SAMPLES} paths a pixel, {size}"
+    note += f"; at best {best:.4f}"
     if ours == ours:
         note += f"; {spent * 1e6 / ours:.1f} times Mesophyll's time in this run are over"
 print(json.dumps({"peer": f"Mitsuba {mi.__version__} prb, Adam", "error": now, "us": spent * 1e6, "note": note}))
