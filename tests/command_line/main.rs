@@ -24,4 +24,5 @@ mod makefile;
 mod mangled;
 mod messages;
 mod python;
+mod scene_fields;
 mod tables;
