@@ -52,8 +52,8 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     use mesophyll_files::{atomic, claim};
     use mesophyll_scene::loaded::LoadedScene;
     use mesophyll_scene::manifest::SceneManifest;
+    use mesophyll_scene::placed::ledger::Ledger;
     use mesophyll_scene::placed::{PlacedScene, leaf::LeafSearch};
-    use mesophyll_scene::placed::{fits::maker, ledger::Ledger};
 
     let begun = std::time::Instant::now();
     let mut manifest = SceneManifest::read(&args.scene)?;
@@ -78,14 +78,10 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         golden::small_scans(&mut manifest);
     }
     let own = if args.goldens_only { Some(out.as_path()) } else { args.out.as_deref() };
-    let search = LeafSearch { out: own, input_hash: Some(&maker::input_hash), free: false };
+    let search = LeafSearch { out: own, compared: true, free: false };
     let mut placed = PlacedScene::new(&manifest, search, &ledger)?;
     if args.goldens_only {
-        for index in placed.unfitted() {
-            let folder = maker::fit_folder(&manifest, index, &out);
-            maker::fit(&manifest, index, &out, &folder, false, &ledger)?;
-            placed.find_again(&manifest, index, search, &ledger)?;
-        }
+        placed.make_fits(&manifest, &out, search, &ledger, |_| true)?;
     }
     placed.make_looks(&manifest, &out, search, &ledger)?;
     // This takes seconds, not minutes: unlike the fit of a leaf, translucency maps are made on the way.

@@ -15,7 +15,6 @@ use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::path_tracing;
 #[cfg(feature = "render")]
-use mesophyll_scene::placed::fits::maker;
 use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::placed::{self as placed, PlacedScene};
@@ -244,7 +243,7 @@ fn whole(args: &Args, format: ExportFormat, path: &Path) -> Result<ExportResult>
     let manifest = SceneManifest::read(&args.folder)?;
     let ledger = Ledger::new();
     let run = run_of(args, &manifest);
-    let search = LeafSearch { out: args.run.as_deref(), input_hash: None, free: false };
+    let search = LeafSearch { out: args.run.as_deref(), compared: false, free: false };
     let mut placed = PlacedScene::new(&manifest, search, &ledger)?;
     placed.make_looks(&manifest, &run, search, &ledger)?;
     let scene = LoadedScene::new(manifest, placed, &ledger)?;
@@ -288,7 +287,7 @@ fn web(args: &Args, path: &Path) -> Result<ExportResult> {
     let ledger = Ledger::new();
     let run = run_of(args, &manifest);
     let out = args.run.as_deref();
-    let search = LeafSearch { out, input_hash: Some(&maker::input_hash), free: true };
+    let search = LeafSearch { out, compared: true, free: true };
     let mut placed = PlacedScene::new(&manifest, search, &ledger)?;
     placed.make_looks(&manifest, &run, search, &ledger)?;
     if let Some(missing) = placed.unfitted().first() {

@@ -4,7 +4,6 @@ use super::CommonArgs;
 use crate::cli::Result;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
-use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::{leaf::LeafSearch, ledger::Ledger};
 use std::path::{Path, PathBuf};
 
@@ -32,7 +31,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
 /// Those of reading the scene and its fits, and of standard output.
 pub fn say(scene: &Path, out: Option<&Path>, common: &CommonArgs) -> Result<u8> {
     let manifest = SceneManifest::read(scene)?;
-    let search = LeafSearch { out, input_hash: Some(&input_hash), free: false };
+    let search = LeafSearch { out, compared: true, free: false };
     let plan = LoadedScene::open(manifest, search, &Ledger::new())?.plan;
     if common.json {
         super::print_json(&plan)?;

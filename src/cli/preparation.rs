@@ -1,11 +1,9 @@
 //! Fits as others use them: what was fitted, unchanged. A scene together with every fit that it needs.
 
 use crate::cli::Result;
-use mesophyll_files::progress;
 use mesophyll_fits::consistency;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
-use mesophyll_scene::placed::fits::maker;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::placed::{PlacedScene, leaf::LeafSearch};
 use std::path::Path;
@@ -32,14 +30,9 @@ pub fn warn(folder: &Path) {
 /// Those of the fits, [`crate::cli::Error::Input`] for what is wrong in the scene or in a fit, and
 /// [`crate::cli::Error::Missed`] for a fit that was changed since it was fitted.
 pub fn scene(manifest: SceneManifest, out: &Path, ledger: &Ledger) -> Result<LoadedScene> {
-    let search = LeafSearch { out: Some(out), input_hash: Some(&maker::input_hash), free: false };
+    let search = LeafSearch { out: Some(out), compared: true, free: false };
     let mut placed = PlacedScene::new(&manifest, search, ledger)?;
-    for index in placed.unfitted() {
-        progress::go_on()?;
-        let folder = maker::fit_folder(&manifest, index, out);
-        maker::fit(&manifest, index, out, &folder, false, ledger)?;
-        placed.find_again(&manifest, index, search, ledger)?;
-    }
+    placed.make_fits(&manifest, out, search, ledger, |_| true)?;
     if placed.unfitted().is_empty() {
         placed.make_translucency(&manifest, out, search, ledger)?;
     }

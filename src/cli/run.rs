@@ -51,7 +51,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let ledger = Ledger::new();
 
     // The plan is made once, when every fit that it depends on exists.
-    let search = LeafSearch { out: Some(&out), input_hash: Some(&maker::input_hash), free: false };
+    let search = LeafSearch { out: Some(&out), compared: true, free: false };
     let mut placed = stages.time("look for fits", || PlacedScene::new(&manifest, search, &ledger))?;
     let wanted: Vec<usize> = if args.write_fits {
         placed.leaves.iter().filter(|l| l.used).map(|l| l.index).collect()

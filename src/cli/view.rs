@@ -36,7 +36,7 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
     use mesophyll_check as check;
     use mesophyll_files::{claim, progress};
     use mesophyll_scene::manifest::SceneManifest;
-    use mesophyll_scene::placed::{PlacedScene, fits::maker, leaf::LeafSearch, ledger::Ledger};
+    use mesophyll_scene::placed::{PlacedScene, leaf::LeafSearch, ledger::Ledger};
     use mesophyll_scene::{
         draw::handover,
         loaded::LoadedScene,
@@ -48,7 +48,7 @@ pub fn run(args: &Args, _common: &CommonArgs) -> Result<u8> {
 
     let manifest = SceneManifest::of(&args.scene)?;
     let ledger = Ledger::new();
-    let search = LeafSearch { out: args.out.as_deref(), input_hash: Some(&maker::input_hash), free: true };
+    let search = LeafSearch { out: args.out.as_deref(), compared: true, free: true };
     let mut placed = PlacedScene::new(&manifest, search, &ledger)?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out/view").join(&manifest.name));
     placed.make_looks(&manifest, &out, search, &ledger)?;

@@ -6,10 +6,11 @@ use mesophyll::export::coat::ExportCoat;
 use mesophyll::export::foreign::target::ExportTarget;
 use mesophyll::export::scene::ExportScene;
 use mesophyll::export::{ExportFormat, assemble};
+use mesophyll::files::mesh::LeafMesh;
 use mesophyll::optics::gloss::Lobe;
 use mesophyll::optics::side::Side;
 use mesophyll::transport::world::{
-    ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld,
+    ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceWorld,
 };
 use mesophyll::transport::{ReferenceCamera, ReferenceSun};
 use serde_json::{Value, json};
@@ -50,7 +51,7 @@ fn square(lobe: Lobe) -> ReferenceWorld {
         normal: None,
     };
     let corner = |x: f64, y: f64| glam::DVec3::new(x, y, 0.0);
-    let mesh = ReferenceMesh {
+    let mesh = LeafMesh {
         positions: vec![corner(-10.0, 10.0), corner(10.0, 10.0), corner(10.0, -10.0), corner(-10.0, -10.0)],
         normals: vec![glam::DVec3::Z; 4],
         uvs: vec![
@@ -60,7 +61,7 @@ fn square(lobe: Lobe) -> ReferenceWorld {
             glam::DVec2::new(0.0, 1.0),
         ],
         indices: vec![0, 2, 1, 0, 3, 2],
-        ..ReferenceMesh::default()
+        ..LeafMesh::default()
     };
     let (front, back) = (side(0.08, 0.25), side(0.12, 0.4));
     ReferenceWorld {

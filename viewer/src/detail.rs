@@ -88,7 +88,7 @@ pub(crate) fn indices(mesh: &Mesh) -> Vec<u32> {
 
 /// The angle that a pixel covers (rad).
 pub(crate) fn pixel(camera: &Camera, height: u32) -> f32 {
-    2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / height.max(1) as f32
+    2.0 * camera.half_height() / height.max(1) as f32
 }
 
 impl Levels {

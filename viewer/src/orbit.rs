@@ -37,7 +37,7 @@ impl OrbitCamera {
     /// Moves by shares of the picture's height.
     pub fn pan(&mut self, right: f32, down: f32) {
         let arm = self.camera.eye - self.camera.target;
-        let size = 2.0 * arm.length() * (0.5 * self.camera.fov_y_deg.to_radians()).tan();
+        let size = 2.0 * arm.length() * self.camera.half_height();
         let across = self.camera.up.cross(arm).normalize_or(Vec3::X);
         let up = arm.cross(across).normalize_or(Vec3::Y);
         let shift = size * (down * up - right * across);

@@ -28,7 +28,7 @@ pub fn ray(camera: &Camera, aspect: f32, x: f32, y: f32) -> (Vec3, Vec3) {
     let forward = (camera.target - camera.eye).normalize();
     let right = forward.cross(camera.up).normalize();
     let up = right.cross(forward);
-    let t = (0.5 * camera.fov_y_deg.to_radians()).tan();
+    let t = camera.half_height();
     (camera.eye, (forward + (2.0 * x - 1.0) * t * aspect * right + (1.0 - 2.0 * y) * t * up).normalize())
 }
 

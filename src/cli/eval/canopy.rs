@@ -9,7 +9,6 @@ use mesophyll_files::{atomic, claim};
 use mesophyll_scene::draw::{bands, reference};
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
-use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::{leaf::LeafSearch, ledger::Ledger};
 use mesophyll_transport::path::{Canopy, Estimate, SurfaceBands};
 use std::path::{Path, PathBuf};
@@ -73,7 +72,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let batch = args.directions.as_ref().map(open).transpose()?;
     claim::file(&args.output, &["csv", "json"], &[&args.scene])?;
     let ledger = Ledger::new();
-    let search = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
+    let search = LeafSearch { out: args.run.as_deref(), compared: true, free: false };
     // No view is needed, but all leaves must be there.
     manifest.look_from_above();
     if wavelengths.is_some() {

@@ -5,7 +5,6 @@ use crate::cli::{CommonArgs, destination};
 use mesophyll_fit_scene::{Options, summary, wavelengths};
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
-use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
 use std::path::PathBuf;
@@ -76,7 +75,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         manifest.forget_colours();
     }
     let ledger = Ledger::new();
-    let search = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
+    let search = LeafSearch { out: args.run.as_deref(), compared: true, free: false };
     let scene = LoadedScene::open(manifest, search, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     let options = Options { samples: args.samples, seed: args.seed, force: args.force };

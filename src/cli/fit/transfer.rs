@@ -4,7 +4,6 @@ use crate::cli::Result;
 use crate::cli::{CommonArgs, destination};
 use mesophyll_fits::record::FitRecord;
 use mesophyll_scene::manifest::SceneManifest;
-use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_scene::placed::{PlacedScene, leaf::LeafSearch};
 use mesophyll_scene::{loaded::LoadedScene, transfer};
@@ -36,7 +35,7 @@ pub struct Args {
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let manifest = SceneManifest::read(&args.scene)?;
     let ledger = Ledger::new();
-    let search = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
+    let search = LeafSearch { out: args.run.as_deref(), compared: true, free: false };
     let placed = PlacedScene::new(&manifest, search, &ledger)?;
     let scene = LoadedScene::new(manifest, placed, &ledger)?;
     scene.require_sound_fits(&ledger)?;

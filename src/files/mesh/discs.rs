@@ -13,7 +13,7 @@ use std::path::Path;
 /// [`Error::Input`] naming the file and the line or the disc: not seven numbers, a radius that is not positive, no
 /// direction.
 pub fn read_discs(path: &Path, unit: LengthUnit) -> Result<LeafMesh> {
-    let mut out = LeafMesh::default();
+    let mut out = LeafMesh { discs: true, ..LeafMesh::default() };
     for (k, [radius, x, y, z, u, v, w]) in
         numbers::read(path, "radius, centre x y z, normal x y z")?.into_iter().enumerate()
     {

@@ -20,7 +20,8 @@ pub use reader::{read, read_plain};
 
 use glam::{DMat4, DVec2, DVec3};
 
-/// A triangle mesh. All lists but `indices` have one entry a vertex.
+/// A triangle mesh. All lists but `indices` have one entry a vertex; a mesh whose maps hold no normals may have no
+/// tangents.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LeafMesh {
     /// mm.
@@ -33,6 +34,8 @@ pub struct LeafMesh {
     pub uvs: Vec<DVec2>,
     /// Three vertices a triangle, counter-clockwise as seen from the front.
     pub indices: Vec<u32>,
+    /// Whether every triangle stands for a disc: an equilateral triangle around the circle of the disc.
+    pub discs: bool,
 }
 
 impl LeafMesh {
@@ -79,6 +82,7 @@ impl LeafMesh {
             tangents: vec![(DVec3::X, 1.0); 4],
             uvs: corners.iter().map(|&(u, v)| DVec2::new(u, v)).collect(),
             indices: vec![0, 3, 2, 0, 2, 1],
+            discs: false,
         }
     }
 }

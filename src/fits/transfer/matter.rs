@@ -69,7 +69,7 @@ fn leaf(leaf: &ReferenceLeaf) -> String {
     let mut bytes = Vec::new();
     let mut put = |values: &mut dyn Iterator<Item = f64>| bytes.extend(values.flat_map(f64::to_le_bytes));
     put(&mut mesh.positions.iter().chain(&mesh.normals).flat_map(|v| v.to_array()));
-    put(&mut mesh.tangents.iter().flat_map(|v| v.to_array()));
+    put(&mut mesh.tangents.iter().flat_map(|(t, w)| t.extend(*w).to_array()));
     put(&mut mesh.uvs.iter().flat_map(|v| v.to_array()));
     put(&mut mesh.indices.iter().map(|i| f64::from(*i)));
     put(&mut leaf.mask.iter().flatten().map(|m| f64::from(*m)));

@@ -2,8 +2,9 @@
 
 use super::*;
 use glam::{DMat4, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use mesophyll_transport::lobe::Lobe;
-use mesophyll_transport::world::{ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide};
+use mesophyll_transport::world::{ReferenceInterior, ReferenceLeaf, ReferencePlacement, ReferenceSide};
 
 fn scene() -> TransferScene {
     let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
@@ -16,7 +17,7 @@ fn scene() -> TransferScene {
         normal: None,
     };
     let leaf = ReferenceLeaf {
-        mesh: ReferenceMesh {
+        mesh: LeafMesh {
             positions: vec![at(-9.0, -5.0), at(9.0, -5.0), at(9.0, 5.0), at(-9.0, 5.0)],
             normals: vec![DVec3::Z; 4],
             tangents: Vec::new(),

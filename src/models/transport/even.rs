@@ -1,8 +1,7 @@
 //! Surfaces that are the same everywhere, each with maps of one texel.
 
 use super::lobe::Lobe;
-use super::world::{ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferenceSide};
-use glam::DVec4;
+use super::world::{ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceSide};
 use mesophyll_files::mesh::LeafMesh;
 
 /// Maps of one texel, for each channel.
@@ -33,26 +32,13 @@ impl ReferenceSide {
 
 impl ReferenceLeaf {
     /// A leaf whose sides are the same everywhere.
-    pub fn even(mesh: ReferenceMesh, [front, back]: [ReferenceSide; 2], lobe: Lobe) -> ReferenceLeaf {
+    pub fn even(mesh: LeafMesh, [front, back]: [ReferenceSide; 2], lobe: Lobe) -> ReferenceLeaf {
         ReferenceLeaf { mesh, width: 1, height: 1, front, back, mask: None, lobe }
     }
 
     /// Bark, ground or another matte surface that transmits nothing; its inside is black.
-    pub fn opaque(mesh: ReferenceMesh, albedo: [f64; 3]) -> ReferenceLeaf {
+    pub fn opaque(mesh: LeafMesh, albedo: [f64; 3]) -> ReferenceLeaf {
         let front = ReferenceSide::even(albedo, [0.0; 3], None);
         ReferenceLeaf::even(mesh, [front, ReferenceSide::black(1)], Lobe::Beckmann)
-    }
-}
-
-impl From<&LeafMesh> for ReferenceMesh {
-    fn from(mesh: &LeafMesh) -> ReferenceMesh {
-        ReferenceMesh {
-            positions: mesh.positions.clone(),
-            normals: mesh.normals.clone(),
-            tangents: mesh.tangents.iter().map(|(t, w)| DVec4::from((*t, *w))).collect(),
-            uvs: mesh.uvs.clone(),
-            indices: mesh.indices.clone(),
-            discs: false,
-        }
     }
 }

@@ -56,9 +56,8 @@ pub use dome::{DomeNode, RadianceAt, ReferenceDome};
 pub use mesophyll_base::tone;
 pub use renderer::{Options, ReferencePicture, ReferenceRenderer, render};
 pub use world::{
-    NormalFrame, NormalMap, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlace,
-    ReferencePlacement, ReferenceScanner, ReferenceSide, ReferenceSun, ReferenceWorld, SlabAt, SunTransmission,
-    SunlitMaps,
+    NormalFrame, NormalMap, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferencePlace, ReferencePlacement,
+    ReferenceScanner, ReferenceSide, ReferenceSun, ReferenceWorld, SlabAt, SunTransmission, SunlitMaps,
 };
 
 pub(crate) use mesophyll_base::error::{Error, Result};

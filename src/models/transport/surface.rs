@@ -73,7 +73,7 @@ impl<'a> Surface<'a> {
             NormalFrame::Blade => DVec3::new(x, y, z),
             NormalFrame::Tangent => {
                 let tangents = &self.leaf.mesh.tangents;
-                let t = self.corner.iter().zip(self.weight).map(|(&c, w)| tangents[c] * w).sum::<DVec4>();
+                let t = self.corner.iter().zip(self.weight).map(|(&c, w)| DVec4::from(tangents[c]) * w).sum::<DVec4>();
                 let smooth = self.smooth;
                 let along = (t.truncate() - smooth * smooth.dot(t.truncate())).normalize_or_zero();
                 along * x + smooth.cross(along) * (t.w.signum() * y) + smooth * z

@@ -1,13 +1,14 @@
 //! Leaves and worlds for tests.
 
 use crate::lobe::Lobe;
-use crate::world::{ReferenceGloss, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld};
+use crate::world::{ReferenceGloss, ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceWorld};
 use glam::{DMat4, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 
 /// A level square of this half width at height 0, with its front up.
-pub fn square(reach: f64) -> ReferenceMesh {
+pub fn square(reach: f64) -> LeafMesh {
     let at = |x: f64, y: f64| DVec3::new(x * reach, y * reach, 0.0);
-    ReferenceMesh {
+    LeafMesh {
         positions: vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)],
         normals: vec![DVec3::Z; 4],
         tangents: Vec::new(),
@@ -24,7 +25,7 @@ pub fn side(rho_d: f64, rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceSide 
 }
 
 /// A leaf that is the same everywhere, with ρd of its two sides.
-pub fn leaf(mesh: ReferenceMesh, rho_d: [f64; 2], rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceLeaf {
+pub fn leaf(mesh: LeafMesh, rho_d: [f64; 2], rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceLeaf {
     ReferenceLeaf::even(mesh, rho_d.map(|rho_d| side(rho_d, rho_t, gloss)), Lobe::Beckmann)
 }
 

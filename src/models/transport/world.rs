@@ -8,7 +8,8 @@ use super::dome::ReferenceDome;
 use super::environment::Environment;
 use super::foliar::FoliarMaterial;
 use super::lobe::Lobe;
-use glam::{DMat4, DVec2, DVec3, DVec4};
+use glam::{DMat4, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use std::sync::Arc;
 
 /// Everything in a picture.
@@ -160,7 +161,7 @@ pub struct ReferenceScanner {
 #[derive(Debug, Clone)]
 pub struct ReferenceLeaf {
     /// Its shape.
-    pub mesh: ReferenceMesh,
+    pub mesh: LeafMesh,
     /// Columns of every map (texels).
     pub width: usize,
     /// Rows of every map.
@@ -174,25 +175,6 @@ pub struct ReferenceLeaf {
     pub mask: Option<Vec<u8>>,
     /// The lobe of the gloss on both sides.
     pub lobe: Lobe,
-}
-
-/// Indexed triangles.
-#[derive(Debug, Clone, Default)]
-pub struct ReferenceMesh {
-    /// Vertices.
-    pub positions: Vec<DVec3>,
-    /// Normals out of the front, one for each vertex. They are interpolated and then normalised.
-    pub normals: Vec<DVec3>,
-    /// xyz is the tangent along +u, and w = ±1: bitangent = w · normal × tangent. Only [`NormalFrame::Tangent`] needs
-    /// them; otherwise the list may be empty.
-    pub tangents: Vec<DVec4>,
-    /// Texture coordinates; (0, 0) is the top left corner of the front's maps.
-    pub uvs: Vec<DVec2>,
-    /// Indices of the vertices, three for each triangle.
-    pub indices: Vec<u32>,
-    /// Whether every triangle represents a disc. The triangle is then equilateral, and the disc is its inscribed
-    /// circle.
-    pub discs: bool,
 }
 
 /// The look of one side.

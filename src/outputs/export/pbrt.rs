@@ -29,7 +29,7 @@ pub fn write(shown: &ExportScene, folder: &Path) -> Result<(Vec<PathBuf>, Export
     let mut text = format!("# mesophyll {}: lengths in mm, z up\n", env!("CARGO_PKG_VERSION"));
     let c = &shown.camera;
     // The field of view is that of the shorter edge. The picture's x runs against that of a right-handed world.
-    let half = (0.5 * c.fov_y_deg.to_radians()).tan() * (shown.size[0] as f64 / shown.size[1] as f64).min(1.0);
+    let half = c.half_height() * (shown.size[0] as f64 / shown.size[1] as f64).min(1.0);
     let three = |v: DVec3| format!("{} {} {}", v.x, v.y, v.z);
     let _ = writeln!(
         text,

@@ -136,7 +136,7 @@ impl ExportSheet {
         let mesh = ExportMesh {
             positions: mesh.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
             normals: mesh.normals.iter().map(|n| n.as_vec3().to_array()).collect(),
-            tangents: mesh.tangents.iter().map(|t| t.as_vec4().to_array()).collect(),
+            tangents: mesh.tangents.iter().map(|(t, w)| t.extend(*w).as_vec4().to_array()).collect(),
             uvs: mesh.uvs.iter().map(|t| t.as_vec2().to_array()).collect(),
             indices: mesh.indices.clone(),
         };

@@ -244,7 +244,7 @@ fn lights(text: &mut String, shown: &ExportScene, textures: &mut TextureWriter) 
     let c = &shown.camera;
     // The picture is 24 mm high, in tenths of a scene unit.
     let (height, aspect) = (24.0, shown.size[0] as f64 / shown.size[1] as f64);
-    let focal = 0.5 * height / (0.5 * c.fov_y_deg.to_radians()).tan();
+    let focal = 0.5 * height / c.half_height();
     let _ = writeln!(
         text,
         r#"    def Camera "Camera"

@@ -3,11 +3,10 @@
 
 use crate::stress::StressRow;
 use glam::{DMat4, DQuat, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use mesophyll_transport::environment::Environment;
 use mesophyll_transport::path::{PathSettings, PathTracer};
-use mesophyll_transport::{
-    ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld, lobe::Lobe,
-};
+use mesophyll_transport::{ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld, lobe::Lobe};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 use std::time::Instant;
@@ -33,8 +32,8 @@ pub fn stress() -> Vec<StressRow> {
 }
 
 /// A level square, front up, 2 m wide, of `n` by `n` pieces.
-pub(crate) fn square(n: u32) -> ReferenceMesh {
-    let mut mesh = ReferenceMesh::default();
+pub(crate) fn square(n: u32) -> LeafMesh {
+    let mut mesh = LeafMesh::default();
     for j in 0..=n {
         for i in 0..=n {
             let uv = DVec2::new(f64::from(i), f64::from(j)) / f64::from(n);
@@ -53,7 +52,7 @@ pub(crate) fn square(n: u32) -> ReferenceMesh {
     mesh
 }
 
-pub(crate) fn leaf(mesh: ReferenceMesh, rho_d: f64, rho_t: f64) -> ReferenceLeaf {
+pub(crate) fn leaf(mesh: LeafMesh, rho_d: f64, rho_t: f64) -> ReferenceLeaf {
     let sides = [(); 2].map(|()| ReferenceSide::even([rho_d; 3], [rho_t; 3], None));
     ReferenceLeaf::even(mesh, sides, Lobe::Beckmann)
 }

@@ -81,10 +81,9 @@ fn shares(world: &ReferenceWorld, leaves: usize) -> Result<Vec<f64>> {
 mod tests {
     use super::*;
     use glam::{DMat4, DVec2, DVec3};
+    use mesophyll_files::mesh::LeafMesh;
     use mesophyll_transport::lobe::Lobe;
-    use mesophyll_transport::{
-        ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld,
-    };
+    use mesophyll_transport::{ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld};
 
     /// A small triangle below a large one that moves aside: the lower one's three vertices are dark at rest and lit
     /// afterwards, those of the upper one are always lit, and a trunk hides and is not counted.
@@ -93,12 +92,12 @@ mod tests {
         let side = || ReferenceSide::even([0.1; 3], [0.1; 3], None);
         let leaf = |reach: f64| {
             let at = |x: f64, y: f64| DVec3::new(x * reach, y * reach, 0.0);
-            let mesh = ReferenceMesh {
+            let mesh = LeafMesh {
                 positions: vec![at(-1.0, -1.0), at(1.0, -1.0), at(0.0, 1.0)],
                 normals: vec![DVec3::Z; 3],
                 uvs: vec![DVec2::ZERO; 3],
                 indices: vec![0, 1, 2],
-                ..ReferenceMesh::default()
+                ..LeafMesh::default()
             };
             ReferenceLeaf::even(mesh, [side(), side()], Lobe::Beckmann)
         };

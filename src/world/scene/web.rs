@@ -82,7 +82,7 @@ fn slabs(scene: &LoadedScene) -> Result<Vec<LeafSlabs>> {
             continue;
         };
         let sides = Sides::try_of(|side| {
-            if !(fitted.has(side) && leaf.plan.sides[side as usize].interior()) {
+            if !(fitted.has(side) && leaf.plan.needs(side).interior()) {
                 return Ok(None);
             }
             let rgb = |quantity| fitted.rgb(side, quantity);

@@ -1,6 +1,6 @@
 //! The reference renderer is compared with closed forms, analytic geometry and itself. The leaves are built by hand.
 
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec3};
 use mesophyll::transport::CameraRays;
 use mesophyll::transport::closed_form::FlatLeaf;
 use mesophyll::transport::lobe::Lobe;
@@ -292,7 +292,7 @@ fn worlds_that_do_not_fit_together_are_refused() {
     refused(&|w| w.leaves[0].mesh.positions[0].x = f64::NAN, "finite");
     refused(
         &|w| {
-            w.leaves[0].mesh.tangents = vec![DVec4::X; 2];
+            w.leaves[0].mesh.tangents = vec![(DVec3::X, 0.0); 2];
             w.leaves[0].back.normal.as_mut().unwrap().frame = NormalFrame::Tangent;
         },
         "back normals need tangents",

@@ -1,18 +1,19 @@
 //! Leaves built by hand, alone in a world with a sun and a sky.
 
 use glam::{DMat4, DVec2, DVec3};
+use mesophyll::files::mesh::LeafMesh;
 use mesophyll::transport::lobe::Lobe;
 use mesophyll::transport::{
-    NormalFrame, NormalMap, ReferenceCamera, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferenceMesh,
-    ReferencePlacement, ReferenceSide, ReferenceSun, ReferenceWorld,
+    NormalFrame, NormalMap, ReferenceCamera, ReferenceGloss, ReferenceInterior, ReferenceLeaf, ReferencePlacement,
+    ReferenceSide, ReferenceSun, ReferenceWorld,
 };
 use std::f64::consts::PI;
 
 pub const SUN: f64 = 0.004_65;
 
 /// A blade of `w`×`h` mm about the origin with `n`×`n` cells, bent upwards by `bend` mm at its sides.
-pub fn blade(w: f64, h: f64, n: usize, bend: f64) -> ReferenceMesh {
-    let mut mesh = ReferenceMesh::default();
+pub fn blade(w: f64, h: f64, n: usize, bend: f64) -> LeafMesh {
+    let mut mesh = LeafMesh::default();
     for j in 0..=n {
         for i in 0..=n {
             let (u, v) = (i as f64 / n as f64, j as f64 / n as f64);
@@ -20,7 +21,7 @@ pub fn blade(w: f64, h: f64, n: usize, bend: f64) -> ReferenceMesh {
             let slope = 8.0 * bend * x / (w * w);
             mesh.positions.push(DVec3::new(x, h * (0.5 - v), 4.0 * bend * x * x / (w * w)));
             mesh.normals.push(DVec3::new(-slope, 0.0, 1.0).normalize());
-            mesh.tangents.push(DVec3::new(1.0, 0.0, slope).normalize().extend(1.0));
+            mesh.tangents.push((DVec3::new(1.0, 0.0, slope).normalize(), 1.0));
             mesh.uvs.push(DVec2::new(u, v));
         }
     }
@@ -39,7 +40,7 @@ pub fn uniform(rho_d: [f64; 3], rho_t: [f64; 3], gloss: Option<([f64; 3], f64)>)
     ReferenceSide::even(rho_d, rho_t, gloss.map(|(rho_s, m)| ReferenceGloss::even(rho_s, m)))
 }
 
-pub fn leaf(mesh: ReferenceMesh, front: ReferenceSide, back: ReferenceSide, lobe: Lobe) -> ReferenceLeaf {
+pub fn leaf(mesh: LeafMesh, front: ReferenceSide, back: ReferenceSide, lobe: Lobe) -> ReferenceLeaf {
     ReferenceLeaf::even(mesh, [front, back], lobe)
 }
 

@@ -8,6 +8,7 @@ use crate::blade::{Blade, hashes};
 use mesophyll::files::hash;
 use mesophyll::files::image::{ChannelMaps, Packing, write_exr};
 use mesophyll::fits::record::{FitKind, FitRecord, RecordSection};
+use mesophyll::optics::side::Side;
 use mesophyll::scene::loaded::LoadedScene;
 use mesophyll::scene::manifest::SceneManifest;
 use mesophyll::scene::placed::ledger::Ledger;
@@ -102,7 +103,7 @@ fn a_leaf_that_is_never_back_lit_loads_no_map_and_says_so() {
         assert!(plan.needed.iter().all(|n| !n.name.contains("translucency")), "{:?}", plan.needed);
         assert!(ledger.entries().iter().all(|e| !e.what.contains("translucency")), "{:?}", ledger.entries());
         assert!(whole.placed.leaves[0].translucent.is_some());
-        assert!(whole.loaded[0].coefficients.iter().all(Option::is_none));
+        assert!(whole.loaded[0].coefficients.iter().all(|(_, c)| c.is_none()));
     }
 }
 
@@ -273,7 +274,7 @@ fn a_scene_asks_for_a_basis_and_what_no_renderer_evaluates_is_refused() {
     std::fs::write(&path, &text).unwrap();
     with_basis(&maps, "bent-3");
     let read = open(&path, None).unwrap();
-    assert_eq!(read.loaded[0].coefficients[1].as_ref().unwrap().basis, TranslucencyBasis::Bent);
+    assert_eq!(read.loaded[0].coefficients[Side::Back].as_ref().unwrap().basis, TranslucencyBasis::Bent);
     for other in ["h-basis-6", "bent-6", "none: one light"] {
         with_basis(&maps, other);
         let told = open(&path, None).unwrap_err().to_string();
@@ -313,7 +314,7 @@ fn maps_are_made_in_the_basis_that_the_scene_asks_for() {
     let translucent = whole.placed.leaves[0].translucent.as_ref().unwrap();
     assert_eq!(translucent.source.status, FitFreshness::Reuse);
     assert!(translucent.fitted.as_ref().unwrap().record.options["basis"] == "bent-3");
-    assert_eq!(whole.loaded[0].coefficients[1].as_ref().map(|m| m.basis), Some(TranslucencyBasis::Bent));
+    assert_eq!(whole.loaded[0].coefficients[Side::Back].as_ref().map(|m| m.basis), Some(TranslucencyBasis::Bent));
     // The basis is no longer requested, so a run's own maps are made again with the published one.
     std::fs::write(&path, text.replace("{ fit = \"fits/elm-translucency\" }", "{}")).unwrap();
     let after = open(&path, Some(&out)).unwrap().placed;

@@ -31,7 +31,7 @@ pub(crate) struct SkyPass {
 /// direction corner + x·right + y·down.
 pub(crate) fn pixel_rays(camera: &Camera, size: [u32; 2]) -> (f32, [Vec3; 3]) {
     let forward = (camera.target - camera.eye).normalize();
-    let pixel = 2.0 * (0.5 * camera.fov_y_deg.to_radians()).tan() / size[1] as f32;
+    let pixel = 2.0 * camera.half_height() / size[1] as f32;
     let across = forward.cross(camera.up).normalize();
     let (right, down) = (across * pixel, forward.cross(across) * pixel);
     (pixel, [forward - 0.5 * (right * size[0] as f32 + down * size[1] as f32), right, down])

@@ -293,3 +293,10 @@ pub struct Camera {
     /// Field of view from the bottom of the picture to its top.
     pub fov_y_deg: f32,
 }
+
+impl Camera {
+    /// Half the picture's height at a distance of 1.
+    pub fn half_height(&self) -> f32 {
+        (0.5 * self.fov_y_deg.to_radians()).tan()
+    }
+}

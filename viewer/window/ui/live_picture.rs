@@ -23,8 +23,7 @@ impl ViewerUi {
         if response.dragged() && moved != egui::Vec2::ZERO {
             if panning {
                 // These are shares of the view in a check's picture. The live picture may show more.
-                let tan = |fov: f32| (0.5 * fov.to_radians()).tan();
-                let wider = tan(self.live_camera().fov_y_deg) / tan(self.view.orbit.camera.fov_y_deg);
+                let wider = self.live_camera().half_height() / self.view.orbit.camera.half_height();
                 self.view.orbit.pan(wider * moved.x / rect.height(), wider * moved.y / rect.height());
             } else {
                 self.view.orbit.turn(moved.x * 0.008, moved.y * 0.008);

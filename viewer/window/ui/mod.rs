@@ -219,10 +219,9 @@ impl ViewerUi {
     /// The camera of the live picture: that of a check, with a field of view that is wide enough to show everything in
     /// a check's picture in a window of this shape.
     pub fn live_camera(&self) -> Camera {
-        let Camera { fov_y_deg, .. } = self.view.orbit.camera;
         let wider = (aspect(self.opened.window.check_size) / aspect(self.view.picture_size)).max(1.0);
-        let half = ((0.5 * fov_y_deg.to_radians()).tan() * wider).atan();
-        Camera { fov_y_deg: 2.0 * half.to_degrees(), ..self.view.orbit.camera }
+        let camera = self.view.orbit.camera;
+        Camera { fov_y_deg: 2.0 * (camera.half_height() * wider).atan().to_degrees(), ..camera }
     }
 
     /// The scene in its present state, with edits.

@@ -5,9 +5,10 @@
 //! New vertices lie on the flat triangles of the drawn mesh, so the surface stays the same.
 
 use super::VertexPlace;
-use crate::world::{ReferenceLeaf, ReferenceMesh};
+use crate::world::ReferenceLeaf;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3, DVec4};
+use mesophyll_files::mesh::LeafMesh;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -15,7 +16,7 @@ use std::path::Path;
 #[derive(Debug, Clone)]
 pub struct VisibilityMesh {
     /// The vertices in the order that follows the surface. Normals, tangents and texture coordinates are interpolated.
-    pub mesh: ReferenceMesh,
+    pub mesh: LeafMesh,
     /// The place of each vertex on the drawn mesh.
     pub places: Vec<VertexPlace>,
 }
@@ -166,7 +167,7 @@ pub(super) fn outline(leaf: &ReferenceLeaf, [a, b, c]: [DVec2; 3]) -> Outline {
 }
 
 /// The vertices that triangles use, along a space-filling curve, with all values of the drawn mesh.
-fn ordered(mesh: &ReferenceMesh, places: &[VertexPlace], triangles: &[[u32; 3]]) -> VisibilityMesh {
+fn ordered(mesh: &LeafMesh, places: &[VertexPlace], triangles: &[[u32; 3]]) -> VisibilityMesh {
     let uvs: Vec<DVec2> = places.iter().map(|p| p.mix(&mesh.uvs)).collect();
     let positions: Vec<DVec3> = places.iter().map(|p| p.mix(&mesh.positions)).collect();
     let scale = stretch(&positions, &uvs, triangles);
@@ -184,13 +185,13 @@ fn ordered(mesh: &ReferenceMesh, places: &[VertexPlace], triangles: &[[u32; 3]])
     let mut triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|k| number[k as usize])).collect();
     triangles.sort_by_key(|t| t.iter().min().copied());
     let kept: Vec<VertexPlace> = used.iter().map(|k| places[*k as usize]).collect();
+    let tangents: Vec<DVec4> = mesh.tangents.iter().map(|t| DVec4::from(*t)).collect();
     let tangent = |p: &VertexPlace| {
         let nearest = p.corners[(0..3).fold(0, |a, b| if p.weights[b] > p.weights[a] { b } else { a })];
-        let t: DVec4 = p.mix(&mesh.tangents);
-        t.truncate().normalize_or_zero().extend(mesh.tangents[nearest as usize].w)
+        (p.mix(&tangents).truncate().normalize_or_zero(), mesh.tangents[nearest as usize].1)
     };
     VisibilityMesh {
-        mesh: ReferenceMesh {
+        mesh: LeafMesh {
             positions: used.iter().map(|k| positions[*k as usize]).collect(),
             normals: kept.iter().map(|p| p.mix(&mesh.normals).normalize_or(DVec3::Z)).collect(),
             tangents: if mesh.tangents.is_empty() { Vec::new() } else { kept.iter().map(tangent).collect() },
@@ -236,7 +237,7 @@ mod tests {
     use super::*;
     use std::collections::HashSet;
 
-    fn area(mesh: &ReferenceMesh) -> f64 {
+    fn area(mesh: &LeafMesh) -> f64 {
         let corner = |t: &[u32]| [0, 1, 2].map(|k| mesh.positions[t[k] as usize]);
         let twice = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).z;
         mesh.indices.chunks_exact(3).map(|t| 0.5 * twice(corner(t))).sum()

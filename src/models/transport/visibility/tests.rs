@@ -2,18 +2,17 @@
 
 use super::{AreaLight, ShadowReceivers, ShadowScene};
 use crate::lobe::Lobe;
-use crate::world::{
-    ReferenceInterior, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld,
-};
+use crate::world::{ReferenceInterior, ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceWorld};
 use glam::{DMat4, DQuat, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use std::f64::consts::PI;
 
 /// The sun's angular radius (rad).
 const SUN: f64 = 0.00465;
 
 /// A level rectangle around the origin with its front up, in `nx` by `ny` pieces.
-pub(super) fn grid(width: f64, height: f64, nx: u32, ny: u32) -> ReferenceMesh {
-    let mut mesh = ReferenceMesh::default();
+pub(super) fn grid(width: f64, height: f64, nx: u32, ny: u32) -> LeafMesh {
+    let mut mesh = LeafMesh::default();
     for j in 0..=ny {
         for i in 0..=nx {
             let uv = DVec2::new(f64::from(i) / f64::from(nx), f64::from(j) / f64::from(ny));
@@ -32,12 +31,12 @@ pub(super) fn grid(width: f64, height: f64, nx: u32, ny: u32) -> ReferenceMesh {
     mesh
 }
 
-pub(super) fn leaf(mesh: ReferenceMesh) -> ReferenceLeaf {
+pub(super) fn leaf(mesh: LeafMesh) -> ReferenceLeaf {
     outlined(mesh, 1, 1, None)
 }
 
 /// A black leaf with an outline.
-pub(super) fn outlined(mesh: ReferenceMesh, width: usize, height: usize, mask: Option<Vec<u8>>) -> ReferenceLeaf {
+pub(super) fn outlined(mesh: LeafMesh, width: usize, height: usize, mask: Option<Vec<u8>>) -> ReferenceLeaf {
     let none = || [0, 1, 2].map(|_| vec![0.0; width * height]);
     let side = || ReferenceSide {
         interior: ReferenceInterior::Maps { rho_d: none(), rho_t: none() },
@@ -48,7 +47,7 @@ pub(super) fn outlined(mesh: ReferenceMesh, width: usize, height: usize, mask: O
 }
 
 /// A world with each mesh once, at its place.
-pub(super) fn world(of: Vec<(ReferenceMesh, DMat4)>) -> ReferenceWorld {
+pub(super) fn world(of: Vec<(LeafMesh, DMat4)>) -> ReferenceWorld {
     ReferenceWorld {
         instances: of
             .iter()
@@ -65,8 +64,8 @@ fn at(x: f64, y: f64, z: f64) -> DMat4 {
 }
 
 /// A disk with `sides` corners around the origin.
-fn plate(radius: f64, sides: u32) -> ReferenceMesh {
-    let mut mesh = ReferenceMesh::default();
+fn plate(radius: f64, sides: u32) -> LeafMesh {
+    let mut mesh = LeafMesh::default();
     mesh.positions.push(DVec3::ZERO);
     for k in 0..sides {
         mesh.positions.push(DVec2::from_angle(2.0 * PI * f64::from(k) / f64::from(sides)).extend(0.0) * radius);
@@ -99,7 +98,7 @@ fn maps(world: &ReferenceWorld, light: &AreaLight, directions: &[DVec3]) -> (Sha
 }
 
 /// The share of the sun that a tiny, tilted receiver at the origin sees past `occluder`.
-fn seen(occluder: Vec<(ReferenceMesh, DMat4)>, light: &AreaLight, direction: DVec3) -> f64 {
+fn seen(occluder: Vec<(LeafMesh, DMat4)>, light: &AreaLight, direction: DVec3) -> f64 {
     let tilt = DMat4::from_quat(DQuat::from_rotation_x(0.4));
     let mut all = vec![(grid(1e-4, 1e-4, 1, 1), tilt)];
     all.extend(occluder);

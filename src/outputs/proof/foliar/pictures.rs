@@ -9,14 +9,13 @@ use super::figures::SOYBEAN;
 use crate::Result;
 use crate::bench::BenchRow;
 use glam::{DMat4, DQuat, DVec2, DVec3, EulerRot};
+use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::foliar::goniometer::{RINGS, SECTORS, projected};
 use mesophyll_optics::foliar::{LayeredLeaf, exact, fsm, walk};
 use mesophyll_optics::side::Side;
 use mesophyll_transport::foliar::{FoliarMaterial, FoliarModel};
 use mesophyll_transport::path::{PathPicture, PathRequest, PathSettings, PathTracer, SamplingTarget};
-use mesophyll_transport::{
-    ReferenceCamera, ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSun, ReferenceWorld, tone,
-};
+use mesophyll_transport::{ReferenceCamera, ReferenceLeaf, ReferencePlacement, ReferenceSun, ReferenceWorld, tone};
 use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Instant;
@@ -29,7 +28,7 @@ const PATHS: u32 = 1024;
 const EXPOSURE: f64 = 2.0;
 
 /// A sheet of 50 by 30 mm that is bent to an arc, front up.
-fn sheet() -> ReferenceMesh {
+fn sheet() -> LeafMesh {
     const CELLS: usize = 12;
     let (mut positions, mut normals, mut uvs, mut indices) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for j in 0..=CELLS {
@@ -47,7 +46,7 @@ fn sheet() -> ReferenceMesh {
             indices.extend([at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
         }
     }
-    ReferenceMesh { positions, normals, tangents: Vec::new(), uvs, indices, discs: false }
+    LeafMesh { positions, normals, uvs, indices, ..LeafMesh::default() }
 }
 
 /// The three sets: name, world and camera.

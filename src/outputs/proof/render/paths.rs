@@ -3,10 +3,11 @@
 use super::ProofFoliage;
 use super::foliage::{EYE, TANGENT};
 use glam::{DMat4, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use mesophyll_transport::ReferenceCamera;
 use mesophyll_transport::lobe::Lobe;
 use mesophyll_transport::path::{PathPicture, PathRequest, PathSettings, PathTracer, SamplingStrategy, SamplingTarget};
-use mesophyll_transport::world::{ReferenceLeaf, ReferenceMesh, ReferencePlacement, ReferenceSide, ReferenceWorld};
+use mesophyll_transport::world::{ReferenceLeaf, ReferencePlacement, ReferenceSide, ReferenceWorld};
 use serde_json::{Value, json};
 
 /// Pixels along a side of the picture, and paths for each pixel.
@@ -31,7 +32,7 @@ impl ProofScene {
     pub fn new(foliage: &ProofFoliage) -> crate::Result<ProofScene> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let pool = pool.map_err(|e| crate::Error::Missed(format!("no thread could be started: {e}")))?;
-        let mut mesh = ReferenceMesh::default();
+        let mut mesh = LeafMesh::default();
         for t in foliage.indices.chunks_exact(3) {
             let corners = [0, 1, 2].map(|k| foliage.positions[t[k] as usize]);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(DVec3::Z);

@@ -2,7 +2,8 @@
 
 use crate::transport::leaf;
 use glam::{DMat4, DQuat, DVec2, DVec3};
-use mesophyll_transport::{ReferenceMesh, ReferencePlacement, ReferenceWorld};
+use mesophyll_files::mesh::LeafMesh;
+use mesophyll_transport::{ReferencePlacement, ReferenceWorld};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::PI;
@@ -41,8 +42,8 @@ pub(crate) fn cluster() -> ReferenceWorld {
     }
 }
 
-fn blade() -> ReferenceMesh {
-    let mut mesh = ReferenceMesh::default();
+fn blade() -> LeafMesh {
+    let mut mesh = LeafMesh::default();
     let [along, across] = QUADS;
     for i in 0..=along {
         let u = i as f64 / along as f64;

@@ -12,7 +12,7 @@ use glam::{DMat4, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile};
-use mesophyll_optics::side::Side;
+use mesophyll_optics::side::{Side, Sides};
 use mesophyll_optics::slab;
 use mesophyll_optics::slab::chebyshev::SlabInterpolant;
 use mesophyll_transport::{self as transport, closed_form};
@@ -50,9 +50,9 @@ pub struct LeafCard {
     /// The transform from the patch to the world.
     pub transform: DMat4,
     /// Parameters of the front and of the back, where the fit has them.
-    pub sides: [Option<CardSide>; 2],
+    pub sides: Sides<Option<CardSide>>,
     /// Whether the plan gives each side to the renderer. The closed form and the reference use both sides.
-    pub planned: [bool; 2],
+    pub planned: Sides<bool>,
 }
 
 impl LeafCard {
@@ -70,10 +70,8 @@ impl LeafCard {
                 "not fitted yet; `mesophyll run` fits it",
             ));
         };
-        let mut sides = [None, None];
-        for (s, side) in Side::ALL.into_iter().enumerate().filter(|(_, side)| fitted.has(*side)) {
-            sides[s] = Some(patch(fitted, side, ledger)?);
-        }
+        let has = |side| fitted.has(side).then(|| patch(fitted, side, ledger)).transpose();
+        let sides = Sides::try_of(has)?;
         let (eye, target) = (view.camera.eye, view.camera.target);
         let turn = placement::rotation(view.rotation_deg);
         // The patch fills the picture at the angle at which it is seen.
@@ -84,7 +82,7 @@ impl LeafCard {
             mesh: LeafMesh::rectangle(side, side),
             transform: DMat4::from_rotation_translation(turn, target),
             sides,
-            planned: [0, 1].map(|s| leaf.plan.sides[s].mean),
+            planned: Sides::of(|side| leaf.plan.needs(side).mean),
         })
     }
 
@@ -103,7 +101,7 @@ impl LeafCard {
         let normal = self.transform.transform_vector3(DVec3::Z).normalize();
         let towards = view.camera.eye - self.transform.transform_point3(DVec3::ZERO);
         let front = normal.dot(towards) >= 0.0;
-        let (seen, far) = if front { (0, 1) } else { (1, 0) };
+        let seen = if front { Side::Front } else { Side::Back };
         let side = self.sides[seen].as_ref().ok_or_else(|| {
             Error::field(
                 &manifest.path,
@@ -116,7 +114,7 @@ impl LeafCard {
             rho_s: side.rho_s,
             m: side.m,
             lobe: config.lobe(),
-            rho_t_far: self.sides[far].as_ref().map_or([0.0; 3], |p| p.rho_t),
+            rho_t_far: self.sides[seen.other()].as_ref().map_or([0.0; 3], |p| p.rho_t),
             normal: if front { normal } else { -normal },
         };
         let lights = reference::lights(manifest)?;
@@ -186,8 +184,8 @@ pub fn world(manifest: &SceneManifest, card: &LeafCard) -> Result<transport::Ref
             normal: None,
         }
     };
-    let (sides, lobe) = (card.sides.each_ref().map(side), manifest.leaves[card.leaf].lobe());
-    let leaf = transport::ReferenceLeaf::even((&card.mesh).into(), sides, lobe);
+    let (sides, lobe) = (Side::ALL.map(|s| side(&card.sides[s])), manifest.leaves[card.leaf].lobe());
+    let leaf = transport::ReferenceLeaf::even(card.mesh.clone(), sides, lobe);
     let mut world = reference::lights(manifest)?;
     world.leaves = vec![leaf];
     world.instances = vec![transport::ReferencePlacement { leaf: 0, transform: card.transform }];

@@ -101,7 +101,7 @@ fn own<'a>(grass: &'a PlacedLawn, material: &'a str) -> impl Iterator<Item = Arc
 /// A matte sheet that is the same everywhere.
 fn blade(shape: &LeafMesh, optics: &Optics) -> transport::ReferenceLeaf {
     let sides = optics.rho_d.map(|rho_d| transport::ReferenceSide::even(rho_d, optics.rho_t, None));
-    transport::ReferenceLeaf::even(shape.into(), sides, lobe::Lobe::Beckmann)
+    transport::ReferenceLeaf::even(shape.clone(), sides, lobe::Lobe::Beckmann)
 }
 
 #[cfg(feature = "render")]

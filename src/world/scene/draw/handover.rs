@@ -24,8 +24,8 @@ use mesophyll_files::mesh::LeafMesh;
 use mesophyll_optics::side::Side;
 use mesophyll_sky::polynomials::FoldedPolynomials;
 use mesophyll_sky::{HarmonicCoefficients, panorama};
+use mesophyll_transport::ReferenceCamera;
 use mesophyll_transport::environment::Environment;
-use mesophyll_transport::{ReferenceCamera, ReferenceMesh};
 use mesophyll_viewer::scene as viewer;
 use mesophyll_web::bundle::slab_curve;
 use rayon::prelude::*;
@@ -48,7 +48,7 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
     // the sun.
     let finer = scene.transfer.as_ref().and_then(|t| t.sun.as_ref()).map(|sun| &sun.receivers.blades);
     let shown = |k: usize, mesh: &LeafMesh| match finer {
-        Some(blades) => single_mesh(&blades[k].mesh),
+        Some(blades) => viewer_mesh(&blades[k].mesh),
         None => viewer_mesh(mesh),
     };
     let at = |i: WorldInstance, carried| viewer::Instance {
@@ -342,14 +342,10 @@ pub fn camera(camera: &ReferenceCamera) -> viewer::Camera {
 
 /// A mesh in the renderer's precision.
 pub fn viewer_mesh(mesh: &LeafMesh) -> viewer::Mesh {
-    single_mesh(&mesh.into())
-}
-
-fn single_mesh(mesh: &ReferenceMesh) -> viewer::Mesh {
     viewer::Mesh {
         positions: mesh.positions.iter().map(|p| p.as_vec3()).collect(),
         normals: mesh.normals.iter().map(|p| p.as_vec3()).collect(),
-        tangents: mesh.tangents.iter().map(|t| t.as_vec4()).collect(),
+        tangents: mesh.tangents.iter().map(|(t, w)| t.extend(*w).as_vec4()).collect(),
         uvs: mesh.uvs.iter().map(|t| t.as_vec2()).collect(),
         indices: mesh.indices.clone(),
         ..viewer::Mesh::default()
@@ -365,8 +361,8 @@ pub fn card(scene: &LoadedScene, card: &LeafCard, ledger: &Ledger) -> Result<vie
     refuse(manifest)?;
     let mut out = lit(scene, &WorldLights::of(manifest)?, ledger)?;
     (out.shadow_samples, out.msaa) = (0, 1);
-    let thickness = card.sides.iter().flatten().map(|p| p.thickness).next().unwrap_or(1.0);
-    let side = |side: Side| match card.sides[side as usize].as_ref().filter(|_| card.planned[side as usize]) {
+    let thickness = card.sides.iter().find_map(|(_, p)| Some(p.as_ref()?.thickness)).unwrap_or(1.0);
+    let side = |side: Side| match card.sides[side].as_ref().filter(|_| card.planned[side]) {
         None => viewer::SideMaps::black(),
         Some(p) => {
             let (low, high) = (0.95 * p.thickness.min(thickness), 1.05 * p.thickness.max(thickness));

@@ -31,20 +31,20 @@ pub fn fitted(
     // A leaf has one thickness. The δ of a side that was fitted with another h contains the difference.
     let h = fitted.thickness(fitted.lead())?;
     let mut sides = viewer::Sides::of(|_| viewer::SideMaps::black());
-    for (s, side) in Side::ALL.into_iter().enumerate() {
-        let needs = leaf.plan.sides[s];
+    for side in Side::ALL {
+        let needs = leaf.plan.needs(side);
         if needs.interior() {
             let shift = (fitted.thickness(side)? - h) as f32;
-            sides[side] = interior(leaf.placed.interior(config), leaf, s, side, shift, ledger)?;
+            sides[side] = interior(leaf.placed.interior(config), leaf, side, shift, ledger)?;
         }
         if needs.gloss {
-            sides[side].gloss = leaf.loaded.textures[s].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
+            sides[side].gloss = leaf.loaded.textures[side].gloss.as_ref().map(|t| shrink(t, leaf, mean4));
         }
         if needs.normal {
             sides[side].normal = Some(shrink(&reader::normals(fitted, side, ledger)?, leaf, mean3));
         }
         if needs.translucency {
-            let Some(maps) = &leaf.loaded.coefficients[s] else {
+            let Some(maps) = &leaf.loaded.coefficients[side] else {
                 let what = "the translucency maps are not made yet; `mesophyll run` and `check` make them";
                 return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
             };
@@ -73,7 +73,7 @@ pub fn fitted(
 pub fn uniform(leaf: LoadedLeaf, stated: &UniformLeaf) -> viewer::LeafMaterial {
     let rgb = |c: &[f64; 3]| c.map(|v| v as f32);
     even(leaf.config, 1.0, |side| {
-        let needs = leaf.plan.sides[side as usize];
+        let needs = leaf.plan.needs(side);
         let mut maps = viewer::SideMaps::black();
         if needs.interior() {
             maps.interior = viewer::Interior::Maps {
@@ -107,7 +107,6 @@ pub fn even(
 fn interior(
     kind: InteriorSource,
     leaf: LoadedLeaf,
-    s: usize,
     side: Side,
     shift: f32,
     ledger: &Ledger,
@@ -115,7 +114,8 @@ fn interior(
     let mut out = viewer::SideMaps::black();
     match kind {
         InteriorSource::Scalars => {
-            let (Some(texels), Some(curve)) = (&leaf.loaded.textures[s].gamma_delta, &leaf.loaded.curves[s]) else {
+            let (Some(texels), Some(curve)) = (&leaf.loaded.textures[side].gamma_delta, &leaf.loaded.curves[side])
+            else {
                 return Ok(out);
             };
             let shifted: Vec<[f32; 4]> = texels.iter().map(|t| [t[0], t[1], t[2], t[3] + shift]).collect();

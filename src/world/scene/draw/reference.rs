@@ -14,6 +14,7 @@ use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::world::{SceneWorld, WorldInstance, WorldLights, WorldMaterial, WorldSky, WorldSurface};
 use glam::DVec3;
+use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling};
 use mesophyll_optics::side::Side;
@@ -60,13 +61,12 @@ fn standing(scene: &LoadedScene, ledger: &Ledger) -> Result<transport::Reference
 /// A surface with everything that its fit has. Parts that the plan leaves out are drawn here too, so that the picture
 /// is compared with the leaf and not with the plan.
 fn surface_of(surface: &WorldSurface, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
-    let mesh = transport::ReferenceMesh::from(surface.mesh);
+    let mesh = surface.mesh.clone();
     match surface.material {
         WorldMaterial::Fitted(leaf, fit) => one_leaf(mesh, leaf, fit, ledger),
         WorldMaterial::Stated(leaf, stated) => {
             let gloss = || stated.gloss().map(|rho_s| transport::ReferenceGloss::even(rho_s, stated.m));
             let sides = stated.rho_d.map(|rho_d| transport::ReferenceSide::even(rho_d, stated.rho_t, gloss()));
-            let mesh = transport::ReferenceMesh { discs: leaf.config.discs.is_some(), ..mesh };
             Ok(transport::ReferenceLeaf::even(mesh, sides, leaf.config.lobe()))
         }
         WorldMaterial::Opaque { albedo, .. } => Ok(transport::ReferenceLeaf::opaque(mesh, albedo)),
@@ -171,7 +171,7 @@ pub fn move_wood(world: &mut transport::ReferenceWorld, placed: &PlacedScene, ti
     if let Some(winds) = &placed.winds {
         let sections = winds.sections(time);
         for (k, moved) in placed.wood.iter().enumerate().filter_map(|(k, wood)| Some((k, wood.moved(&sections)?))) {
-            world.leaves[first + k].mesh = (&moved).into();
+            world.leaves[first + k].mesh = moved;
         }
     }
 }
@@ -185,14 +185,21 @@ pub fn lights(manifest: &SceneManifest) -> Result<transport::ReferenceWorld> {
 }
 
 fn lit(manifest: &SceneManifest, lights: &WorldLights) -> transport::ReferenceWorld {
-    let (sky, dome) = match &lights.sky {
+    let (background, exposure) = (manifest.background, manifest.exposure);
+    let mut out = transport::ReferenceWorld { background, exposure, ..transport::ReferenceWorld::default() };
+    shine(&mut out, manifest, lights, 1.0);
+    out
+}
+
+/// Gives a world other lights. A sky that is not the same everywhere is multiplied by `strength`.
+pub fn shine(world: &mut transport::ReferenceWorld, manifest: &SceneManifest, lights: &WorldLights, strength: f64) {
+    world.sun = lights.sun;
+    (world.sky, world.dome) = match &lights.sky {
         WorldSky::Dark => (None, None),
         WorldSky::Even(radiance) => (Some(*radiance), None),
-        WorldSky::Physical(daylight) => (None, Some(dome(manifest, (**daylight).clone(), 1.0))),
-        WorldSky::Picture(picture) => (None, Some(pictured(&picture.rest, 1.0))),
+        WorldSky::Physical(daylight) => (None, Some(dome(manifest, (**daylight).clone(), strength))),
+        WorldSky::Picture(picture) => (None, Some(pictured(&picture.rest, strength))),
     };
-    let (sun, background, exposure) = (lights.sun, manifest.background, manifest.exposure);
-    transport::ReferenceWorld { sun, sky, dome, background, exposure, ..transport::ReferenceWorld::default() }
 }
 
 /// The sky itself, multiplied by `strength`, with the background below its horizon where there is no ground. The
@@ -215,7 +222,7 @@ pub fn dome(manifest: &SceneManifest, daylight: Daylight, strength: f64) -> tran
 const NODES: usize = 256;
 
 /// A sky that is a picture, multiplied by `strength`.
-pub fn pictured(map: &Arc<Environment>, strength: f64) -> transport::ReferenceDome {
+fn pictured(map: &Arc<Environment>, strength: f64) -> transport::ReferenceDome {
     let (coarse, map) = (map.reduced(NODES), map.clone());
     let node = |((direction, size), texel): ((DVec3, f64), &[f32; 3])| transport::DomeNode {
         direction,
@@ -228,12 +235,7 @@ pub fn pictured(map: &Arc<Environment>, strength: f64) -> transport::ReferenceDo
     }
 }
 
-fn one_leaf(
-    mesh: transport::ReferenceMesh,
-    leaf: LoadedLeaf,
-    fit: &LeafFit,
-    ledger: &Ledger,
-) -> Result<transport::ReferenceLeaf> {
+fn one_leaf(mesh: LeafMesh, leaf: LoadedLeaf, fit: &LeafFit, ledger: &Ledger) -> Result<transport::ReferenceLeaf> {
     let config = leaf.config;
     let [mut width, mut height] = leaf.plan.size;
     let (mut sides, mut mask) = ([None, None], None);

@@ -146,7 +146,7 @@ impl<'a> ScanSide<'a> {
             normal: Some(transport::NormalMap { frame: transport::NormalFrame::Blade, values }),
         };
         let leaf = transport::ReferenceLeaf {
-            mesh: (&self.mesh()).into(),
+            mesh: self.mesh(),
             width: self.width,
             height: self.height,
             front,

@@ -33,7 +33,7 @@ pub fn leaf(ground: &SceneGround, size: [f64; 2], repeated: bool) -> Option<tran
         *rho_d = albedo(ground.albedo, ground.contrast(), TEXELS);
     }
     Some(transport::ReferenceLeaf {
-        mesh: (&tiles(size, grain * GRAINS_A_TILE, ground.height_mm, repeated)).into(),
+        mesh: tiles(size, grain * GRAINS_A_TILE, ground.height_mm, repeated),
         width: TEXELS,
         height: TEXELS,
         front,

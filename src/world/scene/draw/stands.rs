@@ -100,7 +100,7 @@ pub fn move_to(world: &mut transport::ReferenceWorld, placed: &PlacedScene, time
         for wood in &stand.wood {
             for pose in 0..stand.poses {
                 if let Some(moved) = wood.moved_by(stand.pose(&sections, pose)) {
-                    world.leaves[surface].mesh = (&moved).into();
+                    world.leaves[surface].mesh = moved;
                 }
                 surface += 1;
             }

@@ -29,7 +29,7 @@ pub fn relight_where(
     world: &mut ReferenceWorld,
     scene: &LoadedScene,
     eyes: Option<&[DVec3]>,
-    has: impl Fn(usize, usize) -> bool,
+    has: impl Fn(usize, Side) -> bool,
 ) -> Result<()> {
     light(world, scene, eyes, false, has)
 }
@@ -48,7 +48,7 @@ fn light(
     scene: &LoadedScene,
     eyes: Option<&[DVec3]>,
     stored: bool,
-    has: impl Fn(usize, usize) -> bool,
+    has: impl Fn(usize, Side) -> bool,
 ) -> Result<()> {
     world.through.clear();
     let Some(found) = &world.sun else { return Ok(()) };
@@ -77,8 +77,8 @@ fn light(
             .filter(|&i| instances[i].leaf == index)
             .map(|i| (i, facing(i)))
             .collect();
-        for s in (0..2).filter(|s| fitted.has(Side::ALL[*s]) && has(index, *s)) {
-            let shown: Vec<usize> = own.iter().filter(|(_, f)| f.through[1 - s]).map(|(i, _)| *i).collect();
+        for side in Side::ALL.into_iter().filter(|side| fitted.has(*side) && has(index, *side)) {
+            let shown: Vec<usize> = own.iter().filter(|(_, f)| f.through[side.other()]).map(|(i, _)| *i).collect();
             if shown.is_empty() {
                 continue;
             }
@@ -87,11 +87,11 @@ fn light(
             // Two suns share the transforms of a convolution.
             let of = |pair: &[usize]| {
                 let suns: Vec<DVec3> = pair.iter().map(local).collect();
-                if stored { Ok(inside.stored(leaf, s, &suns)) } else { inside.lit(leaf, s, &suns, radius) }
+                if stored { Ok(inside.stored(leaf, side, &suns)) } else { inside.lit(leaf, side, &suns, radius) }
             };
             let lit: Vec<Vec<SunlitMaps>> = shown.par_chunks(2).map(of).collect::<Result<_>>()?;
             for (i, map) in shown.into_iter().zip(lit.into_iter().flatten()) {
-                through[i].entering[s] = Some(map);
+                through[i].entering[side as usize] = Some(map);
             }
         }
     }

@@ -30,15 +30,15 @@ pub fn replace(world: &mut transport::ReferenceWorld, scene: &LoadedScene, out: 
         };
         let (Some(mesh), Some(drawn)) = (&leaf.placed.mesh, world.leaves.get_mut(k)) else { continue };
         let mut replaced = false;
-        for (s, side) in Side::ALL.into_iter().enumerate().filter(|(s, _)| leaf.plan.sides[*s].any()) {
+        for side in Side::ALL.into_iter().filter(|side| leaf.plan.needs(*side).any()) {
             // What stands for a side is no measurement that a truth could be held against.
             if leaf.placed.fitted.as_ref().and_then(|fit| fit.unmeasured()).is_some_and(|(own, _)| own == side) {
                 continue;
             }
             let path = truth_path(&capture, side);
             let Some(truth) = open(&path, drawn)? else { continue };
-            let place = if s == 0 { &mut drawn.front } else { &mut drawn.back };
-            if leaf.plan.sides[s].interior() {
+            let place = if side == Side::Front { &mut drawn.front } else { &mut drawn.back };
+            if leaf.plan.needs(side).interior() {
                 place.interior = transport::ReferenceInterior::Maps {
                     rho_d: three(&truth, &path, Quantity::RhoD)?,
                     rho_t: three(&truth, &path, Quantity::RhoT)?,

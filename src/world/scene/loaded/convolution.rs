@@ -4,7 +4,7 @@
 //! names as their source.
 
 use super::LoadedLeaf;
-use super::translucency::{TranslucencyQuantity, front_texel};
+use super::translucency::TranslucencyQuantity;
 use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_fits::leaf_folder::filling;
@@ -14,7 +14,7 @@ use mesophyll_fits::translucency::recipe::{TranslucencyRecipe, tissue};
 use mesophyll_fits::translucency::source::{DirectionFrame, TranslucencyLeaf};
 use mesophyll_fits::translucency::{TranslucencyColour, colour, side};
 use mesophyll_optics::dipole::{DipoleForm, Tissue};
-use mesophyll_optics::side::Side;
+use mesophyll_optics::side::{Side, Sides};
 use mesophyll_optics::translucency::basis::{HemisphereBasis, Projector, SampleWeights};
 use mesophyll_optics::translucency::blade::SurfaceMaps;
 use mesophyll_optics::translucency::convolution::{ConvolutionSettings, Convolver, TotalsSource};
@@ -37,7 +37,7 @@ pub struct LeafInterior {
     /// Tangent, upward direction of the image, and normal at every texel of the front's maps.
     frames: Vec<[DVec3; 3]>,
     width: usize,
-    ways: [OnceLock<Way>; 2],
+    ways: Sides<OnceLock<Way>>,
 }
 
 /// The way in which the reference computes light that enters one side.
@@ -70,19 +70,18 @@ struct Channel {
 impl Convolved {
     /// # Errors
     /// [`Error::Input`] for a `fit.toml` that contradicts itself or a leaf fit that cannot be read.
-    fn new(leaf: &Path, maps: &Path, record: &FitRecord, s: usize) -> Result<Option<Convolved>> {
+    fn new(leaf: &Path, maps: &Path, record: &FitRecord, lit: Side) -> Result<Option<Convolved>> {
         let Some(TranslucencyRecipe { colour, entry, area, form, channels }) = TranslucencyRecipe::read(record, maps)?
         else {
             return Ok(None);
         };
         let source = TranslucencyLeaf::read(leaf, DirectionFrame::Mesh)?;
-        let name = Side::ALL[s];
-        let Some(at) = source.sides.iter().position(|x| x.name == name) else { return Ok(None) };
+        let Some(at) = source.sides.iter().position(|x| x.name == lit) else { return Ok(None) };
         let plain = side::surface(&source.sides[at], channels[0], entry, area);
         let horizon = Horizon::new(&side::lit(&source, &source.sides[at], &plain));
         let mut out = Convolved { source, at, horizon, channels: Vec::new(), colour };
         for (k, c) in channels.into_iter().enumerate() {
-            let tissue = tissue(record, maps, name, k)?;
+            let tissue = tissue(record, maps, lit, k)?;
             out.channels.push(out.channel(c, side::surface(&out.source.sides[at], c, entry, area), form, tissue)?);
         }
         Ok(Some(out))
@@ -190,52 +189,55 @@ impl LeafInterior {
         }))
     }
 
-    /// The way of computing light that enters side `s`. It is made when it is needed for the first time, so that a side
+    /// The way of computing light that enters a side. It is made when it is needed for the first time, so that a side
     /// that is never lit costs nothing.
-    fn way(&self, leaf: LoadedLeaf, s: usize) -> Result<Option<&Way>> {
+    fn way(&self, leaf: LoadedLeaf, side: Side) -> Result<Option<&Way>> {
         let maps = leaf.placed.translucent.as_ref().and_then(|t| t.fitted.as_ref());
         let (Some(fitted), Some(maps)) = (&leaf.placed.fitted, maps) else { return Ok(None) };
-        if self.ways[s].get().is_none() {
-            let found = Convolved::new(&fitted.folder, &maps.folder, &maps.record, s)?;
-            let _ = self.ways[s].set(found.map_or(Way::AsTheyAre, |c| Way::Convolved(Box::new(c))));
+        if self.ways[side].get().is_none() {
+            let found = Convolved::new(&fitted.folder, &maps.folder, &maps.record, side)?;
+            let _ = self.ways[side].set(found.map_or(Way::AsTheyAre, |c| Way::Convolved(Box::new(c))));
         }
-        Ok(self.ways[s].get())
+        Ok(self.ways[side].get())
     }
 
-    /// The direction of a sun (given in the leaf's own frame) in texel `k`'s tangent frame, as side `s` sees it.
-    fn turned(&self, s: usize, sun: DVec3, k: usize) -> DVec3 {
-        let out = if s == 0 { 1.0 } else { -1.0 };
-        let [t, b, n] = self.frames[front_texel(k, s, self.width)];
+    /// The direction of a sun (given in the leaf's own frame) in texel `k`'s tangent frame, as a side sees it.
+    fn turned(&self, side: Side, sun: DVec3, k: usize) -> DVec3 {
+        let out = if side == Side::Front { 1.0 } else { -1.0 };
+        let [t, b, n] = self.frames[side.in_front(k, self.width)];
         DVec3::new(out * t.dot(sun), b.dot(sun), out * n.dot(sun))
     }
 
-    /// The factor that multiplies or replaces ρt when each of `suns` shines on side `s`. `radius` is that of the sun
+    /// The factor that multiplies or replaces ρt when each of `suns` shines on a side. `radius` is that of the sun
     /// (rad).
     ///
     /// # Errors
     /// [`Error::Input`] where the source of the maps cannot be read.
-    pub fn lit(&self, leaf: LoadedLeaf, s: usize, suns: &[DVec3], radius: f64) -> Result<Vec<SunlitMaps>> {
-        Ok(match self.way(leaf, s)? {
+    pub fn lit(&self, leaf: LoadedLeaf, side: Side, suns: &[DVec3], radius: f64) -> Result<Vec<SunlitMaps>> {
+        Ok(match self.way(leaf, side)? {
             None => Vec::new(),
             Some(Way::Convolved(found)) => {
-                let mut lit = found.lit(suns.len(), |i, k| self.turned(s, suns[i], k), 2.0 * radius.sin());
+                let mut lit = found.lit(suns.len(), |i, k| self.turned(side, suns[i], k), 2.0 * radius.sin());
                 // Bilinear look-ups at the rim must not include the dark texels beside the leaf.
                 for map in &mut lit {
                     spread(map, found.mask(), self.width);
                 }
                 lit
             }
-            Some(Way::AsTheyAre) => self.stored(leaf, s, suns),
+            Some(Way::AsTheyAre) => self.stored(leaf, side, suns),
         })
     }
 
     /// The same by the stored coefficients. Its difference from the full convolution is the error of the basis.
-    pub fn stored(&self, leaf: LoadedLeaf, s: usize, suns: &[DVec3]) -> Vec<SunlitMaps> {
-        let Some(coefficients) = &leaf.loaded.coefficients[s] else { return Vec::new() };
+    pub fn stored(&self, leaf: LoadedLeaf, side: Side, suns: &[DVec3]) -> Vec<SunlitMaps> {
+        let Some(coefficients) = &leaf.loaded.coefficients[side] else { return Vec::new() };
         suns.iter()
             .map(|sun| {
                 let of = |map: &[[f32; 3]]| -> Vec<f32> {
-                    map.iter().enumerate().map(|(k, h)| coefficients.sum(*h, self.turned(s, *sun, k)) as f32).collect()
+                    map.iter()
+                        .enumerate()
+                        .map(|(k, h)| coefficients.sum(*h, self.turned(side, *sun, k)) as f32)
+                        .collect()
                 };
                 match &coefficients.of {
                     TranslucencyQuantity::Factor(map) => SunlitMaps::Factor(Arc::new(of(map))),

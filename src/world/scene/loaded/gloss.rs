@@ -14,14 +14,14 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// The largest contribution of gloss to a displayed value; infinite where camera, sun or sliders are free.
-pub fn most(at: Stand, leaf: LoadedLeaf, s: usize, texels: &[[f32; 4]], fitted: &LeafFit) -> Result<f64> {
+pub fn most(at: Stand, leaf: LoadedLeaf, side: Side, texels: &[[f32; 4]], fitted: &LeafFit) -> Result<f64> {
     let Stand { manifest, placed, ledger } = at;
     let Some(mesh) = &leaf.placed.mesh else { return Ok(f64::INFINITY) };
     if placed.free || manifest.sun.as_ref().is_some_and(|sun| sun.moves) {
         return Ok(f64::INFINITY);
     }
     let mut lights = lights(manifest)?;
-    if !leaf.placed.facing.lit[s] {
+    if !leaf.placed.facing.lit[side] {
         lights.suns.clear();
     }
     let views = manifest.perspectives();
@@ -37,19 +37,22 @@ pub fn most(at: Stand, leaf: LoadedLeaf, s: usize, texels: &[[f32; 4]], fitted: 
             })
             .collect(),
     };
-    let h = fitted.thickness(Side::ALL[s])?;
+    let h = fitted.thickness(side)?;
     let rho_d: Option<Vec<[f32; 3]>> =
-        leaf.loaded.textures[s].gamma_delta.as_ref().zip(leaf.loaded.curves[s].as_ref()).map(|(texels, curve)| {
-            let of = |t: &[f32; 4]| {
-                let rho_d = curve.at(h + f64::from(t[3])).0;
-                [0, 1, 2].map(|c| t[c] * rho_d[c] as f32)
-            };
-            texels.iter().map(of).collect()
-        });
+        leaf.loaded.textures[side].gamma_delta.as_ref().zip(leaf.loaded.curves[side].as_ref()).map(
+            |(texels, curve)| {
+                let of = |t: &[f32; 4]| {
+                    let rho_d = curve.at(h + f64::from(t[3])).0;
+                    [0, 1, 2].map(|c| t[c] * rho_d[c] as f32)
+                };
+                texels.iter().map(of).collect()
+            },
+        );
     let lobe = leaf.config.lobe();
+    let back = side == Side::Back;
     let most = |normals: Option<&[[f32; 3]]>| {
-        let maps = GlossMaps { size: leaf.plan.size, back: s == 1, gloss: texels, normals, rho_d: rho_d.as_deref() };
-        gloss_bound::most(lobe, mesh, s == 1, &maps.patches(mesh), &places, &lights, manifest.tolerated())
+        let maps = GlossMaps { size: leaf.plan.size, back, gloss: texels, normals, rho_d: rho_d.as_deref() };
+        gloss_bound::most(lobe, mesh, back, &maps.patches(mesh), &places, &lights, manifest.tolerated())
     };
     // Mapped normals only increase the bound. So they are not read where the bound with the mesh's own normals already
     // exceeds the tolerance.
@@ -57,7 +60,7 @@ pub fn most(at: Stand, leaf: LoadedLeaf, s: usize, texels: &[[f32; 4]], fitted: 
     if by_mesh > manifest.tolerated() || lights.suns.is_empty() {
         return Ok(by_mesh);
     }
-    let normals = reader::normals(fitted, Side::ALL[s], ledger)?;
+    let normals = reader::normals(fitted, side, ledger)?;
     Ok(most(Some(&normals)))
 }
 

@@ -9,9 +9,10 @@ use crate::manifest::InteriorSource;
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::placed::{self as placed, daylight};
+use crate::plan::LeafPlan;
 use crate::plan::accuracy::AccuracyRow;
-use crate::plan::leaf::TEXEL_BYTES;
-use crate::plan::{LeafPlan, ScenePlan};
+use crate::plan::findings::{GlossFinding, LeafFindings, MapDetail};
+use crate::plan::leaf::{TEXEL_BYTES, curve_name};
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
 use mesophyll_fits::leaf_folder::{LeafFit, LeafFitFile, filling, packing};
@@ -19,53 +20,50 @@ use mesophyll_optics::side::Side;
 use mesophyll_transport::tone::display;
 use std::path::Path;
 
-/// Reads the needed textures of a leaf whose fit exists, and gives the measured figures to the plan.
-pub(super) fn load(at: Stand, leaf: &placed::leaf::PlacedLeaf, plan: &mut ScenePlan) -> Result<LeafData> {
-    let mut out = LeafData::default();
-    let Some(fitted) = &leaf.fitted else { return Ok(out) };
-    let (manifest, config, index) = (at.manifest, &at.manifest.leaves[leaf.index], leaf.index);
-    plan.shape(manifest, leaf, fitted)?;
-    for (s, side) in Side::ALL.into_iter().enumerate() {
-        let needs = plan.leaves[index].sides[s];
+/// Reads the needed textures of a leaf whose fit exists. Also returns what they told.
+pub(super) fn load(at: Stand, leaf: &placed::leaf::PlacedLeaf, mut plan: LeafPlan) -> Result<(LeafData, LeafFindings)> {
+    let (mut out, mut found) = (LeafData::default(), LeafFindings::default());
+    let Some(fitted) = &leaf.fitted else { return Ok((out, found)) };
+    let (manifest, config) = (at.manifest, &at.manifest.leaves[leaf.index]);
+    for side in Side::ALL {
+        let needs = plan.needs(side);
+        let told = &mut found.sides[side];
         if leaf.interior(config) == InteriorSource::Scalars && needs.interior() {
-            let size = read_gamma_delta(fitted, s, plan.leaves[index].size, &mut out, at.ledger)?;
-            plan.leaves[index].size = size;
+            plan.size = read_gamma_delta(fitted, side, plan.size, &mut out, at.ledger)?;
         }
-        if needs.any() && plan.leaves[index].size == [0, 0] {
+        if needs.any() && plan.size == [0, 0] {
             let info = fitted.info(side)?;
-            plan.leaves[index].size = [info.width, info.height];
+            plan.size = [info.width, info.height];
         }
-        if let Some(texels) = &out.textures[s].gamma_delta {
+        if let Some(texels) = &out.textures[side].gamma_delta {
             // A tenth of the tolerance for one shortcut, and at most a ten-thousandth.
             let allowed = (manifest.tolerated() / 10.0).min(1e-4);
-            let what = format!("{}/{} slab curve", fitted.name, side.name());
-            let (made, rows) = of_side(fitted, side, texels, allowed, &what, at.ledger)?;
-            plan.curve(what, rows);
-            out.curves[s] = Some(made);
+            let (made, rows) = of_side(fitted, side, texels, allowed, &curve_name(fitted, side), at.ledger)?;
+            told.curve = Some(rows);
+            out.curves[side] = Some(made);
         }
         if needs.gloss {
-            read_gloss(at, leaf, fitted, s, &mut out, plan)?;
-        } else {
-            plan.leave_out_gloss(leaf, fitted, s);
+            told.gloss = Some(read_gloss(at, leaf, fitted, side, &mut out, &mut plan)?);
         }
-        if plan.wants_translucency(manifest, leaf, s) {
-            translucency::side(at, leaf, s, &mut out, plan)?;
+        if plan.reads_translucency(leaf, side) {
+            told.translucency = translucency::read_side(at, leaf, side, &mut out, &plan)?;
         }
-        plan.files(manifest, leaf, s, out.coefficients[s].is_some());
+        if let Some(loss) = &told.translucency {
+            plan.maps_show(manifest, side, loss, at.placed.free);
+        }
+        told.size = plan.size;
     }
-    resolution(at, leaf, &out, plan);
-    plan.leave_out_errors(fitted);
-    Ok(out)
+    resolution(at, leaf, &out, &plan, &mut found);
+    Ok((out, found))
 }
 
 fn read_gamma_delta(
     fitted: &LeafFit,
-    s: usize,
+    side: Side,
     known: [usize; 2],
     out: &mut LeafData,
     ledger: &Ledger,
 ) -> Result<[usize; 2]> {
-    let side = Side::ALL[s];
     let maps = reader::maps(fitted, side, ledger)?;
     let (path, thickness) = (fitted.path(LeafFitFile::Maps, side), fitted.thickness(side)?);
     let h = thickness as f32;
@@ -73,7 +71,7 @@ fn read_gamma_delta(
     let known_texel = |t: &[f32; 4]| t[0] > 0.0 && t[1] > 0.0 && t[2] > 0.0 && h + t[3] > 0.0;
     let texels = packing::gamma_delta(&path, maps, thickness)?;
     let (texels, good) = without_holes(&path, maps, texels, known_texel)?;
-    out.textures[s] = LoadedTextures { gamma_delta: Some(texels), gloss: None, good };
+    out.textures[side] = LoadedTextures { gamma_delta: Some(texels), gloss: None, good };
     reader::same_size(fitted, side, known, [maps.width, maps.height])
 }
 
@@ -99,27 +97,28 @@ fn of_side(
     ))
 }
 
-/// Reads a side's gloss, and keeps it where it is visible.
+/// Reads a side's gloss, keeps it where it is visible, and says what it adds to a picture.
 fn read_gloss(
     at: Stand,
     leaf: &placed::leaf::PlacedLeaf,
     fitted: &LeafFit,
-    s: usize,
+    side: Side,
     out: &mut LeafData,
-    plan: &mut ScenePlan,
-) -> Result<()> {
-    let (manifest, index) = (at.manifest, leaf.index);
-    let side = Side::ALL[s];
+    plan: &mut LeafPlan,
+) -> Result<GlossFinding> {
     let maps = reader::maps(fitted, side, at.ledger)?;
     let path = fitted.path(LeafFitFile::Maps, side);
     let (texels, _) = without_holes(&path, maps, packing::gloss(&path, maps)?, |t| t[3] > 0.0)?;
-    plan.leaves[index].size = reader::same_size(fitted, side, plan.leaves[index].size, [maps.width, maps.height])?;
-    let matte = texels.iter().all(|t| t[..3].iter().all(|v| *v <= 0.0));
-    let most = if matte { None } else { Some(gloss::most(at, at.leaf(leaf, out, plan), s, &texels, fitted)?) };
-    if plan.gloss(manifest, leaf, fitted, s, most) {
-        out.textures[s].gloss = Some(texels);
+    plan.size = reader::same_size(fitted, side, plan.size, [maps.width, maps.height])?;
+    let found = if texels.iter().all(|t| t[..3].iter().all(|v| *v <= 0.0)) {
+        GlossFinding::Matte
+    } else {
+        GlossFinding::AtMost(gloss::most(at, at.leaf(leaf, out, plan), side, &texels, fitted)?)
+    };
+    if plan.gloss_shows(at.manifest, side, found) {
+        out.textures[side].gloss = Some(texels);
     }
-    Ok(())
+    Ok(found)
 }
 
 /// A texture whose numbers are filled wherever they are not finite or `good` does not hold, and which texels the fit
@@ -137,12 +136,18 @@ fn without_holes(
     Ok((texels, known))
 }
 
-/// Chooses the maps' resolution from the footprint of the nearest pixel.
-fn resolution(at: Stand, leaf: &placed::leaf::PlacedLeaf, loaded: &LeafData, plan: &mut ScenePlan) {
+/// Measures how coarse the maps may be for the footprint of the nearest pixel.
+fn resolution(
+    at: Stand,
+    leaf: &placed::leaf::PlacedLeaf,
+    loaded: &LeafData,
+    plan: &LeafPlan,
+    found: &mut LeafFindings,
+) {
     let Stand { manifest, placed, .. } = at;
-    let (index, config) = (leaf.index, &manifest.leaves[leaf.index]);
+    let index = leaf.index;
     let (Some(mesh), Some(fitted)) = (&leaf.mesh, &leaf.fitted) else { return };
-    let LeafPlan { size, sides, .. } = plan.leaves[index];
+    let size = plan.size;
     if size == [0, 0] {
         return;
     }
@@ -171,30 +176,24 @@ fn resolution(at: Stand, leaf: &placed::leaf::PlacedLeaf, loaded: &LeafData, pla
     let mean = |c: [f64; 3]| c.iter().sum::<f64>() / 3.0;
     let (sun, sky) = daylight::levels(manifest);
     let power = mean(sun) / std::f64::consts::PI + mean(sky);
-    for (s, side) in Side::ALL.into_iter().enumerate() {
-        let (Some(texels), Some(curve)) = (&loaded.textures[s].gamma_delta, &loaded.curves[s]) else { continue };
+    found.footprint = Some(footprint);
+    for (side, told) in found.sides.iter_mut() {
+        told.translucency_detail = translucency::detail(at, at.leaf(leaf, loaded, plan), side, footprint);
+        let (Some(texels), Some(curve)) = (&loaded.textures[side].gamma_delta, &loaded.curves[side]) else { continue };
         let Ok(h) = fitted.thickness(side) else { continue };
         let value: Vec<f32> = texels
             .iter()
             .map(|t| {
                 let (rho_d, rho_t) = curve.at(h + f64::from(t[3]));
-                let rho = if sides[s].rho_d { f64::from(t[1]) * rho_d[1] } else { rho_t[1] };
+                let rho = if plan.needs(side).rho_d { f64::from(t[1]) * rho_d[1] } else { rho_t[1] };
                 display(rho * power, manifest.exposure) as f32
             })
             .collect();
-        let good = &loaded.textures[s].good;
+        let good = &loaded.textures[side].good;
         let rows = map_levels(&value, size[0], size[1], |k| good[k], footprint, TEXEL_BYTES);
         // Sampling at a pixel's centre has an error itself. A coarser map may add only a part of the scene's tolerance
         // to it.
         let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerated() / 4.0;
-        let what = format!("{}/{} map resolution", config.name, side.name());
-        if let Some(row) = plan.choose(&what, rows, allowed) {
-            let block = &mut plan.leaves[index].block;
-            *block =
-                if s == 0 || loaded.textures[0].gamma_delta.is_none() { row.setting } else { row.setting.min(*block) };
-        }
+        told.detail = Some(MapDetail { rows, allowed });
     }
-    translucency::resolution(at, leaf, loaded, plan, footprint);
-    let read = |t: &LoadedTextures| u64::from(t.gamma_delta.is_some()) + u64::from(t.gloss.is_some());
-    plan.resolution(&config.name, index, footprint, loaded.textures.iter().map(read).sum());
 }

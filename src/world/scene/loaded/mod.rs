@@ -17,9 +17,11 @@ use crate::manifest::SceneManifest;
 use crate::placed::leaf::LeafSearch;
 use crate::placed::ledger::Ledger;
 use crate::placed::{self as placed, PlacedScene};
+use crate::plan::findings::LeafFindings;
 use crate::plan::{LeafPlan, ScenePlan};
 use convolution::LeafInterior;
 use curve::ResponseCurve;
+use mesophyll_optics::side::Sides;
 use std::sync::OnceLock;
 use translucency::TranslucencyCoefficients;
 
@@ -66,12 +68,12 @@ pub struct LoadedTextures {
 #[derive(Debug, Default)]
 pub struct LeafData {
     /// The textures of each side for the renderer.
-    pub textures: [LoadedTextures; 2],
+    pub textures: Sides<LoadedTextures>,
     /// The slab over its thickness, for each side; `None` where the plan needs none.
-    pub curves: [Option<ResponseCurve>; 2],
+    pub curves: Sides<Option<ResponseCurve>>,
     /// Coefficients for light that enters each side, without holes. Only sides that are lit from behind where a camera
     /// looks have them. The plan decides which of them the renderer gets; the reference draws them all.
-    pub coefficients: [Option<TranslucencyCoefficients>; 2],
+    pub coefficients: Sides<Option<TranslucencyCoefficients>>,
     /// The interior for the reference renderer, which is made when it is needed for the first time.
     inside: OnceLock<Option<LeafInterior>>,
 }
@@ -86,26 +88,24 @@ struct Stand<'a> {
 
 impl<'a> Stand<'a> {
     /// A leaf, as far as it has been read and planned.
-    fn leaf(&self, placed: &'a placed::leaf::PlacedLeaf, loaded: &'a LeafData, plan: &'a ScenePlan) -> LoadedLeaf<'a> {
-        LoadedLeaf { config: &self.manifest.leaves[placed.index], placed, plan: &plan.leaves[placed.index], loaded }
+    fn leaf(&self, placed: &'a placed::leaf::PlacedLeaf, loaded: &'a LeafData, plan: &'a LeafPlan) -> LoadedLeaf<'a> {
+        LoadedLeaf { config: &self.manifest.leaves[placed.index], placed, plan, loaded }
     }
 }
 
 impl LoadedScene {
-    /// Plans a scene in its present state, and reads the data that the plan needs.
+    /// Reads what a scene in its present state needs, and plans it by what was read.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for a damaged map, a side that a fit does not have, or a physical sky that the model
     /// refuses.
     pub fn new(manifest: SceneManifest, placed: PlacedScene, ledger: &Ledger) -> Result<LoadedScene> {
-        let mut plan = ScenePlan::new(&manifest, &placed);
         let stand = Stand { manifest: &manifest, placed: &placed, ledger };
-        let loaded =
-            placed.leaves.iter().map(|leaf| leaf::load(stand, leaf, &mut plan)).collect::<Result<Vec<LeafData>>>()?;
-        if placed.free {
-            plan.leaves.iter_mut().for_each(|l| l.block = 1);
-        }
-        plan.finish(&manifest, &placed, ledger)?;
+        let needs: Vec<LeafPlan> =
+            placed.leaves.iter().map(|leaf| LeafPlan::new(&manifest, leaf, placed.free)).collect::<Result<_>>()?;
+        let read = placed.leaves.iter().zip(needs).map(|(leaf, needs)| leaf::load(stand, leaf, needs));
+        let (loaded, found): (Vec<LeafData>, Vec<LeafFindings>) = read.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        let plan = ScenePlan::new(&manifest, &placed, &found, ledger)?;
         Ok(LoadedScene { manifest, placed, plan, loaded, transfer: None })
     }
 

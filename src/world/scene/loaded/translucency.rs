@@ -12,8 +12,9 @@ use crate::placed;
 use crate::placed::daylight::{levels, sun_direction};
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
-use crate::plan::ScenePlan;
-use crate::plan::leaf::{MapLoss, TRANSLUCENCY_TEXEL_BYTES};
+use crate::plan::LeafPlan;
+use crate::plan::findings::{MapDetail, MapLoss};
+use crate::plan::leaf::TRANSLUCENCY_TEXEL_BYTES;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use mesophyll_base::statistics::quantile;
@@ -67,29 +68,27 @@ impl TranslucencyCoefficients {
     }
 }
 
-/// Reads the coefficients of one side, and tells the plan what a picture would lose without them.
+/// Reads the coefficients of one side. Returns what a picture would lose without them.
 ///
 /// # Errors
 /// [`Error::Input`] for a map that is missing, damaged or of another size.
-pub(super) fn side(
+pub(super) fn read_side(
     at: Stand,
     leaf: &placed::leaf::PlacedLeaf,
-    s: usize,
+    side: Side,
     out: &mut LeafData,
-    plan: &mut ScenePlan,
-) -> Result<()> {
-    let Some(maps) = leaf.translucent.as_ref().and_then(|t| t.fitted.as_ref()) else { return Ok(()) };
+    plan: &LeafPlan,
+) -> Result<Option<MapLoss>> {
+    let Some(maps) = leaf.translucent.as_ref().and_then(|t| t.fitted.as_ref()) else { return Ok(None) };
     let now = at.leaf(leaf, out, plan);
-    let read = read(now, s, maps, at.ledger)?;
-    let cost = cost(at, now, s, &read)?;
-    plan.translucency(at.manifest, leaf, maps, s, &cost);
-    out.coefficients[s] = Some(read);
-    Ok(())
+    let read = read(now, side, maps, at.ledger)?;
+    let cost = cost(at, now, side, &read)?;
+    out.coefficients[side] = Some(read);
+    Ok(Some(cost))
 }
 
 /// Coefficients of one side, filled beyond the outline.
-fn read(leaf: LoadedLeaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result<TranslucencyCoefficients> {
-    let side = Side::ALL[s];
+fn read(leaf: LoadedLeaf, side: Side, fitted: &LeafFit, ledger: &Ledger) -> Result<TranslucencyCoefficients> {
     let path = fitted.path(LeafFitFile::Maps, side);
     let maps = reader::maps(fitted, side, ledger)?;
     reader::same_size(fitted, side, leaf.plan.size, [maps.width, maps.height])?;
@@ -109,7 +108,7 @@ fn read(leaf: LoadedLeaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result
     };
     let mut planes: Vec<Vec<f32>> =
         names.iter().map(|n| maps.require(&path, n).map(<[f32]>::to_vec)).collect::<Result<_>>()?;
-    let on_leaf = on_leaf(leaf, s);
+    let on_leaf = on_leaf(leaf, side);
     let good: Vec<bool> =
         on_leaf.iter().enumerate().map(|(k, on)| *on && planes.iter().all(|p| p[k].is_finite())).collect();
     filling::require(&path, &mut planes, &good, leaf.plan.size[0], leaf.plan.size[1])?;
@@ -125,38 +124,33 @@ fn read(leaf: LoadedLeaf, s: usize, fitted: &LeafFit, ledger: &Ledger) -> Result
 }
 
 /// Whether each texel of a side's maps is on the blade.
-fn on_leaf(leaf: LoadedLeaf, s: usize) -> Vec<bool> {
+fn on_leaf(leaf: LoadedLeaf, side: Side) -> Vec<bool> {
     let [w, h] = leaf.plan.size;
-    if leaf.loaded.textures[s].good.len() == w * h {
-        return leaf.loaded.textures[s].good.clone();
+    if leaf.loaded.textures[side].good.len() == w * h {
+        return leaf.loaded.textures[side].good.clone();
     }
     let Some(mesh) = &leaf.placed.mesh else { return vec![true; w * h] };
     let front = frames::covered(mesh, w, h);
-    (0..w * h).map(|k| front[front_texel(k, s, w)]).collect()
-}
-
-/// The front's texel that corresponds to texel `k` of a side's maps.
-pub fn front_texel(k: usize, s: usize, width: usize) -> usize {
-    Side::ALL[s].in_front(k, width)
+    (0..w * h).map(|k| front[side.in_front(k, w)]).collect()
 }
 
 /// Compares the light by the maps with the light by ρt and the mapped normal, for each texel and channel, and for the
 /// suns that the scene's placements see. First only some suns are compared, and all of them where those would not need
 /// the maps.
-fn cost(at: Stand, leaf: LoadedLeaf, s: usize, maps: &TranslucencyCoefficients) -> Result<MapLoss> {
+fn cost(at: Stand, leaf: LoadedLeaf, side: Side, maps: &TranslucencyCoefficients) -> Result<MapLoss> {
     let Stand { manifest, ledger, .. } = at;
     let layers = if matches!(maps.of, TranslucencyQuantity::Colour(_)) { 3 } else { 1 };
     let none = MapLoss { p99: 0.0, largest: 0.0, layers, basis: Functions::from(maps.basis).name() };
     let (Some(mesh), Some(fitted)) = (&leaf.placed.mesh, &leaf.placed.fitted) else { return Ok(none) };
     let [w, h] = leaf.plan.size;
-    let normals = reader::normals(fitted, Side::ALL[s], ledger)?;
-    let rho_t = transmittance(leaf, s, Side::ALL[s], fitted, ledger)?;
+    let normals = reader::normals(fitted, side, ledger)?;
+    let rho_t = transmittance(leaf, side, fitted, ledger)?;
     let frames = frames::frames(&leaf.placed.mesh_path, mesh, w, h)?;
-    let on_leaf = on_leaf(leaf, s);
+    let on_leaf = on_leaf(leaf, side);
     let suns = suns(at, leaf);
-    let out = if s == 0 { 1.0 } else { -1.0 };
+    let out = if side == Side::Front { 1.0 } else { -1.0 };
     let error = |k: usize, sun: DVec3, level: [f64; 3]| {
-        let [t, b, n] = frames[front_texel(k, s, w)];
+        let [t, b, n] = frames[side.in_front(k, w)];
         let omega = DVec3::new(out * t.dot(sun), b.dot(sun), out * n.dot(sun));
         let normal = DVec3::from(normals[k].map(f64::from));
         if omega.z <= 0.0 || !normal.is_finite() {
@@ -214,8 +208,8 @@ fn suns(at: Stand, leaf: LoadedLeaf) -> Vec<(DVec3, [f64; 3])> {
 }
 
 /// ρt of every texel.
-fn transmittance(leaf: LoadedLeaf, s: usize, side: Side, fitted: &LeafFit, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
-    if let (Some(texels), Some(curve)) = (&leaf.loaded.textures[s].gamma_delta, &leaf.loaded.curves[s]) {
+fn transmittance(leaf: LoadedLeaf, side: Side, fitted: &LeafFit, ledger: &Ledger) -> Result<Vec<[f32; 3]>> {
+    if let (Some(texels), Some(curve)) = (&leaf.loaded.textures[side].gamma_delta, &leaf.loaded.curves[side]) {
         let h = fitted.thickness(side)?;
         return Ok(texels.iter().map(|t| curve.at(h + f64::from(t[3])).1.map(|v| v as f32)).collect());
     }
@@ -225,33 +219,19 @@ fn transmittance(leaf: LoadedLeaf, s: usize, side: Side, fitted: &LeafFit, ledge
     Ok((0..maps.width * maps.height).map(at).collect())
 }
 
-/// Computes from the detail of the translucency maps how coarse the leaf's maps may be.
-pub(super) fn resolution(
-    at: Stand,
-    leaf: &placed::leaf::PlacedLeaf,
-    loaded: &LeafData,
-    plan: &mut ScenePlan,
-    footprint: f64,
-) {
+/// How coarse the leaf's maps may be by the detail of a side's translucency maps, where these are shown.
+pub(super) fn detail(at: Stand, leaf: LoadedLeaf, side: Side, footprint: f64) -> Option<MapDetail> {
     let manifest = at.manifest;
     let level = levels(manifest).0[1] / PI;
-    for (s, side) in Side::ALL.into_iter().enumerate() {
-        let now = at.leaf(leaf, loaded, plan);
-        let Some(maps) = loaded.coefficients[s].as_ref().filter(|_| now.plan.sides[s].translucency) else { continue };
-        let mean_rho = loaded.curves[s].as_ref().map_or([1.0; 3], |c| c.at((c.min + c.max) / 2.0).1);
-        // At 45° above the horizon, both relief and level count.
-        let omega = DVec3::new(0.5f64.sqrt(), 0.0, 0.5f64.sqrt());
-        let [w, h] = now.plan.size;
-        let values: Vec<f32> = (0..w * h)
-            .map(|k| display(level * maps.through(k, omega, mean_rho)[1], manifest.exposure) as f32)
-            .collect();
-        let good = on_leaf(now, s);
-        let rows = map_levels(&values, w, h, |k| good[k], footprint, TRANSLUCENCY_TEXEL_BYTES);
-        let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerated() / 4.0;
-        let what = format!("{}/translucency {} resolution", now.config.name, side.name());
-        if let Some(row) = plan.choose(&what, rows, allowed) {
-            let block = &mut plan.leaves[leaf.index].block;
-            *block = row.setting.min(*block);
-        }
-    }
+    let maps = leaf.loaded.coefficients[side].as_ref().filter(|_| leaf.plan.needs(side).translucency)?;
+    let mean_rho = leaf.loaded.curves[side].as_ref().map_or([1.0; 3], |c| c.at((c.min + c.max) / 2.0).1);
+    // At 45° above the horizon, both relief and level count.
+    let omega = DVec3::new(0.5f64.sqrt(), 0.0, 0.5f64.sqrt());
+    let [w, h] = leaf.plan.size;
+    let values: Vec<f32> =
+        (0..w * h).map(|k| display(level * maps.through(k, omega, mean_rho)[1], manifest.exposure) as f32).collect();
+    let good = on_leaf(leaf, side);
+    let rows = map_levels(&values, w, h, |k| good[k], footprint, TRANSLUCENCY_TEXEL_BYTES);
+    let allowed = rows.first().map_or(0.0, |r| r.error) + manifest.tolerated() / 4.0;
+    Some(MapDetail { rows, allowed })
 }

@@ -5,7 +5,7 @@ use super::motion::SceneMotion;
 use super::placement::{self, LeafPlacement};
 use super::visible_sides::VisibleSides;
 use crate::manifest::{InteriorSource, SceneManifest, StatedLeaf as Config, UpAxis};
-use crate::placed::fits::source::{self, FitFreshness, FitInputHash, LeafSource};
+use crate::placed::fits::source::{self, FitFreshness, LeafSource};
 use crate::placed::fits::translucency::{self, PlacedTranslucency};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
@@ -15,6 +15,7 @@ use mesophyll_files::progress::TaskProgress;
 use mesophyll_files::unit::LengthUnit;
 use mesophyll_fits::leaf_folder::other_side::OtherSide;
 use mesophyll_fits::leaf_folder::{BLADE, LeafFit};
+use mesophyll_optics::side::Sides;
 use mesophyll_plants::import::{plant::part, soup};
 use mesophyll_plants::{file, growth};
 use std::collections::BTreeSet;
@@ -26,9 +27,8 @@ use std::path::{Path, PathBuf};
 pub struct LeafSearch<'a> {
     /// A run's folder with its own fits.
     pub out: Option<&'a Path>,
-    /// Computes the present input hash of a capture, to compare with that of a fit. When absent, every fit counts as up
-    /// to date.
-    pub input_hash: Option<FitInputHash<'a>>,
+    /// Whether captures are compared with what their fits were made from. Without it, every fit counts as up to date.
+    pub compared: bool,
     /// Whether this is for a window, where camera, sun and sliders are free. Then every side counts as seen and lit.
     pub free: bool,
 }
@@ -82,7 +82,7 @@ impl PlacedLeaf {
         out.uniform = leaf.uniform().is_some();
         let source = match out.uniform {
             true => None,
-            false => Some(source::source(manifest, index, search.out, search.input_hash)?),
+            false => Some(source::source(manifest, index, search.out, search.compared)?),
         };
         let sun = daylight::sun_direction(manifest)
             .zip(manifest.sun.as_ref())
@@ -118,7 +118,8 @@ impl PlacedLeaf {
                 out.mesh = Some(mesh);
             }
         } else if placed {
-            out.facing = VisibleSides { seen: [true; 2], lit: [sun.is_some(); 2], through: [sun.is_some(); 2] };
+            let sunny = Sides::of(|_| sun.is_some());
+            out.facing = VisibleSides { lit: sunny, through: sunny, ..VisibleSides::ALL };
         }
         out.source = source;
         if placed {

@@ -27,7 +27,7 @@ pub mod winds;
 
 pub(crate) use mesophyll_base::error::{Error, Result};
 
-use crate::manifest::{SceneGround, SceneManifest};
+use crate::manifest::{SceneGround, SceneManifest, StatedLeaf};
 use crate::placed::fits::maker;
 use crate::placed::fits::source::FitFreshness;
 use crate::placed::fits::translucency::PlacedTranslucency;
@@ -35,6 +35,7 @@ use crate::placed::ledger::Ledger;
 use glam::{DVec2, DVec3};
 use leaf::{LeafSearch, PlacedLeaf};
 use mesophyll_files::mesh::LeafMesh;
+use mesophyll_files::progress;
 use mesophyll_fits::grass::hill::Hill;
 use motion::SceneMotion;
 use placement::LeafPlacement;
@@ -136,7 +137,7 @@ impl PlacedScene {
     /// Leaves that have their own fits, but whose translucency maps must be made before anything can be drawn.
     pub fn untranslucent(&self, manifest: &SceneManifest) -> Vec<usize> {
         let lacks = |l: &&PlacedLeaf| {
-            let lit_through = manifest.sun.is_some() && l.facing.through.contains(&true);
+            let lit_through = manifest.sun.is_some() && l.facing.through.iter().any(|(_, lit)| *lit);
             let made = |t: &PlacedTranslucency| t.source.status == FitFreshness::Reuse;
             l.fitted.is_some() && lit_through && l.translucent.as_ref().is_some_and(|t| !made(t))
         };
@@ -172,6 +173,26 @@ impl PlacedScene {
         looks.chain(sides).collect()
     }
 
+    /// Makes the missing fits of the leaves that are `asked` for, in a run's folder `out`. Ctrl-C stops between them.
+    ///
+    /// # Errors
+    /// As [`maker::fit`].
+    pub fn make_fits(
+        &mut self,
+        manifest: &SceneManifest,
+        out: &Path,
+        search: LeafSearch,
+        ledger: &Ledger,
+        asked: impl Fn(&StatedLeaf) -> bool,
+    ) -> Result<()> {
+        for index in self.unfitted().into_iter().filter(|k| asked(&manifest.leaves[*k])) {
+            progress::go_on()?;
+            maker::fit(manifest, index, out, &maker::fit_folder(manifest, index, out), false, ledger)?;
+            self.find_again(manifest, index, LeafSearch { out: Some(out), ..search }, ledger)?;
+        }
+        Ok(())
+    }
+
     /// Makes the maps of leaves whose look is stated, in a run's folder `out`. That takes seconds, unlike a fit.
     ///
     /// # Errors
@@ -183,11 +204,7 @@ impl PlacedScene {
         search: LeafSearch,
         ledger: &Ledger,
     ) -> Result<()> {
-        for index in self.unfitted().into_iter().filter(|k| manifest.leaves[*k].look().is_some()) {
-            maker::fit(manifest, index, out, &maker::fit_folder(manifest, index, out), false, ledger)?;
-            self.find_again(manifest, index, LeafSearch { out: Some(out), ..search }, ledger)?;
-        }
-        Ok(())
+        self.make_fits(manifest, out, search, ledger, |leaf| leaf.look().is_some())
     }
 
     /// Makes the missing translucency maps of leaves that have their own fits, in a run's folder `out`.
@@ -263,6 +280,7 @@ fn level(manifest: &SceneManifest, ground: &SceneGround) -> LeafMesh {
                     [k, k + 1, up + 1, k, up + 1, up]
                 })
                 .collect(),
+            discs: false,
         };
     }
     if let Some(hill) = grass::hill(manifest) {

@@ -6,24 +6,27 @@ use super::placement::LeafPlacement;
 use glam::{DMat3, DVec2, DVec3};
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::progress::TaskProgress;
+use mesophyll_optics::side::{Side, Sides};
 
 /// Smaller cosines than this count as edge-on.
 const EDGE: f64 = 0.03;
 
-/// The visible sides of one leaf, over all its placements and all cameras. Index 0 is the front, 1 the back.
+const BOTH: Sides<bool> = Sides { front: true, back: true };
+
+/// The visible sides of one leaf, over all its placements and all cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct VisibleSides {
     /// Whether some camera sees this side.
-    pub seen: [bool; 2],
+    pub seen: Sides<bool>,
     /// Whether some camera sees this side where the sun shines on it.
-    pub lit: [bool; 2],
+    pub lit: Sides<bool>,
     /// Whether some camera sees this side where the sun shines on the other side.
-    pub through: [bool; 2],
+    pub through: Sides<bool>,
 }
 
 impl VisibleSides {
     /// All of it, for a leaf whose mesh is not known yet.
-    pub const ALL: VisibleSides = VisibleSides { seen: [true; 2], lit: [true; 2], through: [true; 2] };
+    pub const ALL: VisibleSides = VisibleSides { seen: BOTH, lit: BOTH, through: BOTH };
 
     /// Adds what `eyes` see of one placement. The sun is given by its direction and its disk's radius (rad).
     ///
@@ -35,24 +38,26 @@ impl VisibleSides {
         }
         let turn = DMat3::from_mat4(placement.transform).inverse().transpose();
         let normals: Vec<DVec3> = mesh.normals.iter().map(|n| (turn * *n).normalize_or_zero()).collect();
-        let sides =
-            |cosines: &[f64], edge: f64| [cosines.iter().any(|c| *c > -edge), cosines.iter().any(|c| *c < edge)];
+        let sides = |cosines: &[f64], edge: f64| Sides {
+            front: cosines.iter().any(|c| *c > -edge),
+            back: cosines.iter().any(|c| *c < edge),
+        };
         for t in 0..mesh.triangles() {
             let corner = mesh.triangle(t);
             let sunny = sun.map(|(l, radius)| sides(&corner.map(|k| normals[k].dot(l)), EDGE + radius.sin()));
             // Most triangles show nothing that others have not shown, wherever they are seen from.
-            if !self.lacks(0, sunny) && !self.lacks(1, sunny) {
+            if Side::ALL.iter().all(|side| !self.lacks(*side, sunny)) {
                 continue;
             }
             let positions = corner.map(|k| placement.transform.transform_point3(mesh.positions[k]));
             for eye in eyes {
                 let towards = positions.map(|p| (*eye - p).normalize_or_zero());
                 let seen = sides(corner.map(|k| towards.map(|v| normals[k].dot(v))).as_flattened(), EDGE);
-                for side in [0, 1].into_iter().filter(|s| seen[*s]) {
+                for side in Side::ALL.into_iter().filter(|side| seen[*side]) {
                     self.seen[side] = true;
                     if let Some(sunny) = sunny {
                         self.lit[side] |= sunny[side];
-                        self.through[side] |= sunny[1 - side];
+                        self.through[side] |= sunny[side.other()];
                     }
                 }
             }
@@ -63,13 +68,13 @@ impl VisibleSides {
     }
 
     /// Whether there is anything new in a side that is seen on a triangle whose sides `sunny` the sun shines on.
-    fn lacks(&self, side: usize, sunny: Option<[bool; 2]>) -> bool {
+    fn lacks(&self, side: Side, sunny: Option<Sides<bool>>) -> bool {
         !self.seen[side]
-            || sunny.is_some_and(|sunny| sunny[side] && !self.lit[side] || sunny[1 - side] && !self.through[side])
+            || sunny.is_some_and(|sunny| sunny[side] && !self.lit[side] || sunny[side.other()] && !self.through[side])
     }
 
     fn is_full(&self, sun: bool) -> bool {
-        self.seen == [true; 2] && (!sun || (self.lit == [true; 2] && self.through == [true; 2]))
+        self.seen == BOTH && (!sun || (self.lit == BOTH && self.through == BOTH))
     }
 }
 
@@ -184,13 +189,15 @@ mod tests {
             f.add(&mesh, &at(0.0, 0.0, tilt), &eyes, sun.map(|l| (l, 0.005)));
             f
         };
+        let [front, back, none] =
+            [(true, false), (false, true), (false, false)].map(|(front, back)| Sides { front, back });
         let above = facing(Some(DVec3::new(0.3, 0.0, 1.0).normalize()), 0.0);
-        assert_eq!(above, VisibleSides { seen: [true, false], lit: [true, false], through: [false, false] });
+        assert_eq!(above, VisibleSides { seen: front, lit: front, through: none });
         let below = facing(Some(-DVec3::Z), 0.0);
-        assert_eq!(below, VisibleSides { seen: [true, false], lit: [false, false], through: [true, false] });
+        assert_eq!(below, VisibleSides { seen: front, lit: none, through: front });
         let turned = facing(Some(DVec3::Z), std::f64::consts::PI);
-        assert_eq!(turned, VisibleSides { seen: [false, true], lit: [false, true], through: [false, false] });
-        assert_eq!(facing(None, 0.0).lit, [false; 2]);
+        assert_eq!(turned, VisibleSides { seen: back, lit: back, through: none });
+        assert_eq!(facing(None, 0.0).lit, none);
     }
 
     /// No corner of this triangle is seen from the back where the sun shines, but a point on its edge is. So testing
@@ -204,6 +211,7 @@ mod tests {
             tangents: vec![(DVec3::X, 1.0); 3],
             uvs: vec![glam::DVec2::ZERO; 3],
             indices: vec![0, 1, 2],
+            discs: false,
         };
         // A low eye nearby, and a low sun on the other side.
         let eye = DVec3::new(22.0, 0.0, 6.0);
@@ -224,7 +232,7 @@ mod tests {
         );
         let corners = [at(-20.0), at(20.0)];
         assert!(corners.iter().all(|(v, l)| !(*v > 0.03 * 45.0 && *l > 0.03)), "{corners:?}");
-        assert!(found(&|(v, l)| v > 0.0 && l > 0.0) && f.lit[0]);
+        assert!(found(&|(v, l)| v > 0.0 && l > 0.0) && f.lit.front);
     }
 
     #[test]

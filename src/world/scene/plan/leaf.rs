@@ -1,14 +1,14 @@
 //! The plan of one leaf: which files of its fit are read, which maps are uploaded at which resolution, and how fine the
 //! slab curve is.
 //!
-//! Some decisions depend on figures that are measured when the maps are read ([`crate::loaded`]).
+//! What must be read of a leaf is decided before ([`super::needs`]).
 
 use super::accuracy::AccuracyRow;
-use super::{LeafPlan, PlanNeed, PlanOmission, ScenePlan, SideNeeds};
+use super::findings::{GlossFinding, LeafFindings, MapDetail, MapLoss};
+use super::{LeafPlan, PlanNeed, PlanOmission, ScenePlan};
 use crate::manifest::{InteriorSource, SceneManifest};
 use crate::placed::fits::reader::{self, GAMMA_DELTA, GLOSS, NORMAL, texture};
 use crate::placed::leaf::PlacedLeaf;
-use crate::{Error, Result};
 use mesophyll_fits::leaf_folder::{BLADE, LeafFit, LeafFitFile};
 use mesophyll_fits::record::FitTimes;
 use mesophyll_optics::side::Side;
@@ -27,56 +27,29 @@ fn texture_bytes(size: [usize; 2]) -> u64 {
     with_mips(size, TEXEL_BYTES)
 }
 
-/// What a picture would lose without the translucency maps of one side, and the kind of these maps.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MapLoss {
-    /// Error of a displayed value: the 99th percentile over the texels.
-    pub p99: f64,
-    /// The largest error over the texels.
-    pub largest: f64,
-    /// Number of layers: 1, or 3 where every channel has its own coefficients.
-    pub layers: usize,
-    /// The name of the directional basis.
-    pub basis: String,
-}
-
-/// The needs of each side, which follow from the leaf's placements.
-pub fn sides(manifest: &SceneManifest, leaf: &PlacedLeaf, free: bool) -> [SideNeeds; 2] {
-    // With light between leaves, every side is lit by light that depends on direction.
-    let between = manifest.transfer.is_some();
-    let (sun, sky) = (manifest.sun.is_some(), manifest.sky.is_some() || between);
-    let asked = leaf.translucent.is_some() && sun;
-    let (f, cards) = (leaf.facing, leaf.on_cards);
-    [0, 1].map(|side| {
-        if free && leaf.mesh.is_some() {
-            let fitted = leaf.fitted.as_ref().is_some_and(|f| f.has(Side::ALL[side]));
-            let has = leaf.uniform || fitted;
-            return SideNeeds {
-                rho_d: has,
-                rho_t: has,
-                gloss: has,
-                normal: fitted,
-                translucency: fitted && asked,
-                mean: false,
-            };
-        }
-        let rho_d = f.lit[side] || (sky && f.seen[side]);
-        let translucency = asked && f.through[1 - side];
-        SideNeeds {
-            rho_d,
-            rho_t: f.through[1 - side] || (sky && f.seen[1 - side]),
-            gloss: rho_d,
-            translucency,
-            // Under a sky that varies, the light of both sides depends on their normals.
-            normal: f.lit[side]
-                || (f.through[1 - side] && !translucency)
-                || ((manifest.varied_sky() || between) && (f.seen[side] || f.seen[1 - side])),
-            mean: cards.seen[side] || cards.through[1 - side] || (sky && cards.seen[1 - side]),
-        }
-    })
-}
-
 impl ScenePlan {
+    /// Decides about a leaf by what its maps told.
+    pub(super) fn leaf(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, found: &LeafFindings) {
+        let Some(fitted) = &leaf.fitted else { return };
+        self.shape(manifest, leaf, fitted);
+        for (side, told) in found.sides.iter() {
+            self.leaves[leaf.index].size = told.size;
+            if let Some(rows) = &told.curve {
+                self.curve(curve_name(fitted, side), rows.clone());
+            }
+            match told.gloss {
+                Some(found) => self.gloss(manifest, leaf, fitted, side, found),
+                None => self.leave_out_gloss(leaf, fitted, side),
+            }
+            self.translucency(manifest, leaf, side, told.translucency.as_ref());
+            self.files(manifest, leaf, side, told.translucency.is_some());
+        }
+        if let Some(footprint) = found.footprint {
+            self.resolution(&manifest.leaves[leaf.index].name, leaf.index, footprint, found);
+        }
+        self.leave_out_errors(fitted);
+    }
+
     /// Lists the leaf's fit and its translucency maps as needed or left out.
     pub(super) fn list_fits(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf) {
         let name = &manifest.leaves[leaf.index].name;
@@ -119,22 +92,8 @@ impl ScenePlan {
     }
 
     /// Lists the leaf's shape, where its fit exists, and the parts of it that no picture needs.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] for a side that is needed and that the fit does not have.
-    pub fn shape(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, fitted: &LeafFit) -> Result<()> {
+    fn shape(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, fitted: &LeafFit) {
         let config = &manifest.leaves[leaf.index];
-        for (side, needs) in Side::ALL.into_iter().zip(self.leaves[leaf.index].sides) {
-            if (needs.any() || needs.mean) && !fitted.has(side) {
-                let what = format!(
-                    "the scene shows the {}, which {} does not have; expected other_side = \"mirrored\" beside fit, \
-                     other_side = {{ rho_d = [...] }} with a reflection of your own, or a fit of both sides",
-                    side.name(),
-                    fitted.folder.display()
-                );
-                return Err(Error::field(&manifest.path, &format!("leaf \"{}\"", config.name), what));
-            }
-        }
         if leaf.mesh.is_some() {
             let (file, why) = (leaf.mesh_name(), "the shape that is drawn");
             self.need(match config.mesh {
@@ -145,18 +104,17 @@ impl ScenePlan {
             let name = format!("{}/{BLADE}", config.name);
             self.leave_out(PlanOmission::new(name, "only a card shows this leaf", reader::bytes(fitted, BLADE), None));
         }
-        Ok(())
     }
 
     /// Lists the parts of a fit that no picture needs.
-    pub fn leave_out_errors(&mut self, fitted: &LeafFit) {
+    fn leave_out_errors(&mut self, fitted: &LeafFit) {
         let bytes: u64 = Side::ALL.iter().map(|s| reader::bytes(fitted, &LeafFitFile::Errors.name(*s))).sum();
         let name = format!("{}: error maps and previews", fitted.name);
         self.leave_out(PlanOmission::new(name, "a picture needs no standard errors", bytes, None));
     }
 
     /// Lists a slab curve, with the rows that were measured while it was refined.
-    pub fn curve(&mut self, what: String, rows: Vec<AccuracyRow>) {
+    fn curve(&mut self, what: String, rows: Vec<AccuracyRow>) {
         let mut need = PlanNeed::new(what.clone(), "rho_d and rho_t follow the thickness h + delta of each texel");
         if let Some(r) = rows.last() {
             need.amount =
@@ -168,8 +126,8 @@ impl ScenePlan {
     }
 
     /// Leaves out the gloss of a side on which no light falls.
-    pub fn leave_out_gloss(&mut self, leaf: &PlacedLeaf, fitted: &LeafFit, s: usize) {
-        let (side, size) = (Side::ALL[s], self.leaves[leaf.index].size);
+    fn leave_out_gloss(&mut self, leaf: &PlacedLeaf, fitted: &LeafFit, side: Side) {
+        let size = self.leaves[leaf.index].size;
         if fitted.has(side) {
             let why = format!("no light falls on the {} where a camera sees it", side.name());
             let name = reader::entry(fitted, &texture(side, GLOSS));
@@ -177,105 +135,95 @@ impl ScenePlan {
         }
     }
 
-    /// Decides about the gloss of a side by its largest contribution to a displayed value; `None` where ρs is 0
-    /// everywhere. Returns whether the gloss is kept.
-    pub fn gloss(
+    /// Decides about the gloss of a side by what it adds to a displayed value.
+    fn gloss(
         &mut self,
         manifest: &SceneManifest,
         leaf: &PlacedLeaf,
         fitted: &LeafFit,
-        s: usize,
-        most: Option<f64>,
-    ) -> bool {
-        let tolerated = manifest.tolerated();
-        let why = match most {
-            None => "matte: rho_s is zero everywhere".to_string(),
-            Some(most) if most < tolerated => format!(
+        side: Side,
+        found: GlossFinding,
+    ) {
+        if self.leaves[leaf.index].gloss_shows(manifest, side, found) {
+            return;
+        }
+        let why = match found {
+            GlossFinding::Matte => "matte: rho_s is zero everywhere".to_string(),
+            GlossFinding::AtMost(most) => format!(
                 "matte: at the angles of this scene's views and lights a highlight adds at most {most:.1e} to a \
                  displayed value, \
-                 the scene tolerates {tolerated:.1e}"
+                 the scene tolerates {:.1e}",
+                manifest.tolerated()
             ),
-            Some(_) => {
-                // The share of a sky that a lobe reflects depends on the angle between normal and view, even for a
-                // constant sky.
-                self.leaves[leaf.index].sides[s].normal |= manifest.sky.is_some();
-                return true;
-            }
         };
-        let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
-        sides[s].gloss = false;
-        let name = reader::entry(fitted, &texture(Side::ALL[s], GLOSS));
-        let bytes = texture_bytes(*size);
+        let name = reader::entry(fitted, &texture(side, GLOSS));
+        let bytes = texture_bytes(self.leaves[leaf.index].size);
         self.leave_out(PlanOmission::new(name, why, bytes, None));
-        false
     }
 
-    /// Whether a side's translucency maps must be read. If not, lists the reason.
-    pub fn wants_translucency(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, s: usize) -> bool {
-        let (Some(translucent), Some(fitted)) = (&leaf.translucent, &leaf.fitted) else { return false };
-        let side = Side::ALL[s];
+    /// Decides about a side's translucency maps, by what a picture would lose without them where they were read.
+    fn translucency(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, side: Side, loss: Option<&MapLoss>) {
+        let (Some(translucent), Some(fitted)) = (&leaf.translucent, &leaf.fitted) else { return };
         if !fitted.has(side) {
-            return false;
+            return;
         }
         let file = LeafFitFile::Maps.name(side);
-        let what = format!("{}/translucency/{file}", fitted.name);
-        let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
-        if !sides[s].translucency {
-            let why = if manifest.sun.is_none() {
-                "there is no sun: a sky's light comes through by rho_t alone".to_string()
+        let plan = &mut self.leaves[leaf.index];
+        let size = plan.size;
+        let on_disk = translucent.fitted.as_ref().map_or(0, |f| reader::bytes(f, &file));
+        let (Some(maps), Some(loss)) = (&translucent.fitted, loss) else {
+            let what = format!("{}/translucency/{file}", fitted.name);
+            if plan.needs(side).translucency {
+                let mut need = PlanNeed::new(what, shows(side));
+                need.status = Some(translucent.source.status);
+                self.need(need);
             } else {
-                format!("never back-lit: no camera sees sunlight that entered the {}", side.name())
-            };
-            let on_disk = translucent.fitted.as_ref().map_or(0, |f| reader::bytes(f, &file));
-            self.leave_out(PlanOmission::new(what, why, with_mips(size, TRANSLUCENCY_TEXEL_BYTES) + on_disk, None));
-        } else if translucent.fitted.is_none() {
-            let mut need = PlanNeed::new(what, shows(side));
-            need.status = Some(translucent.source.status);
-            self.need(need);
-        }
-        sides[s].translucency && translucent.fitted.is_some()
-    }
-
-    /// Decides about translucency maps that were read, by what a picture would lose without them.
-    pub fn translucency(
-        &mut self,
-        manifest: &SceneManifest,
-        leaf: &PlacedLeaf,
-        maps: &LeafFit,
-        s: usize,
-        cost: &MapLoss,
-    ) {
-        let file = LeafFitFile::Maps.name(Side::ALL[s]);
-        let what = reader::entry(maps, &file);
-        let on_disk = reader::bytes(maps, &file);
-        let LeafPlan { sides, size, .. } = &mut self.leaves[leaf.index];
-        if cost.largest < manifest.tolerated() && !self.free {
-            (sides[s].translucency, sides[s].normal) = (false, true);
+                let why = if manifest.sun.is_none() {
+                    "there is no sun: a sky's light comes through by rho_t alone".to_string()
+                } else {
+                    format!("never back-lit: no camera sees sunlight that entered the {}", side.name())
+                };
+                self.leave_out(PlanOmission::new(what, why, with_mips(size, TRANSLUCENCY_TEXEL_BYTES) + on_disk, None));
+            }
+            return;
+        };
+        if !plan.maps_show(manifest, side, loss, self.free) {
             let why = format!(
                 "by rho_t and the mapped normal a displayed value is off by {:.1e} at most (measured at every texel), \
                  the scene tolerates {:.1e}",
-                cost.largest,
+                loss.largest,
                 manifest.tolerated()
             );
-            let bytes = cost.layers as u64 * with_mips(*size, TRANSLUCENCY_TEXEL_BYTES) + on_disk;
-            self.leave_out(PlanOmission::new(what, why, bytes, None));
+            let bytes = loss.layers as u64 * with_mips(size, TRANSLUCENCY_TEXEL_BYTES) + on_disk;
+            self.leave_out(PlanOmission::new(reader::entry(maps, &file), why, bytes, None));
             return;
         }
-        let mut need = PlanNeed::of_file(maps, &file, shows(Side::ALL[s]));
+        let mut need = PlanNeed::of_file(maps, &file, shows(side));
         need.amount = Some(format!(
             "{}, {}; without it a displayed value is off by {:.3} (99 % of the texels), {:.3} at most (measured)",
-            if cost.layers == 1 { "three coefficients a texel" } else { "three coefficients a texel and channel" },
-            cost.basis,
-            cost.p99,
-            cost.largest
+            if loss.layers == 1 { "three coefficients a texel" } else { "three coefficients a texel and channel" },
+            loss.basis,
+            loss.p99,
+            loss.largest
         ));
         self.need(need);
     }
 
-    /// Notes the resolution at which the leaf's maps are uploaded, for the nearest pixel's footprint in texels.
-    /// `textures` is the number of W's textures that were read.
-    pub fn resolution(&mut self, name: &str, index: usize, footprint: f64, textures: u64) {
+    /// Chooses the resolution at which the leaf's maps are uploaded, for the nearest pixel's footprint in texels.
+    fn resolution(&mut self, name: &str, index: usize, footprint: f64, found: &LeafFindings) {
+        let mut longest = |what: String, detail: &Option<MapDetail>| {
+            let MapDetail { rows, allowed } = detail.as_ref()?;
+            self.choose(&format!("{name}/{what} resolution"), rows.clone(), *allowed).map(|row| row.setting)
+        };
+        let own = found.sides.iter().filter_map(|(s, told)| longest(format!("{} map", s.name()), &told.detail)).min();
+        let shown = found
+            .sides
+            .iter()
+            .filter_map(|(s, t)| longest(format!("translucency {}", s.name()), &t.translucency_detail));
+        self.leaves[index].block = shown.chain([own.unwrap_or(1)]).min().unwrap_or(1);
         let LeafPlan { sides, size, block } = self.leaves[index];
+        let curves = found.sides.iter().filter(|(_, told)| told.curve.is_some()).count();
+        let textures = curves as u64 + sides.iter().map(|s| u64::from(s.gloss)).sum::<u64>();
         let (w, h) = (size[0].div_ceil(block), size[1].div_ceil(block));
         let why = format!("the nearest pixel covers {footprint:.2} texels a side");
         let mut need = PlanNeed::new(format!("{name}: maps at {w}x{h}"), why);
@@ -290,12 +238,10 @@ impl ScenePlan {
     }
 
     /// Lists the files of one side. `maps_there` tells whether its translucency maps were read.
-    pub fn files(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, s: usize, maps_there: bool) {
-        let side = Side::ALL[s];
+    fn files(&mut self, manifest: &SceneManifest, leaf: &PlacedLeaf, side: Side, maps_there: bool) {
         let Some(fitted) = leaf.fitted.as_ref().filter(|f| f.has(side)) else { return };
-        let LeafPlan { sides, size, .. } = self.leaves[leaf.index];
+        let (needs, size) = (self.leaves[leaf.index].needs(side), self.leaves[leaf.index].size);
         let plan = self;
-        let needs = sides[s];
         let pigment = leaf.interior(&manifest.leaves[leaf.index]) == InteriorSource::Maps;
         let maps = LeafFitFile::Maps.name(side);
         let entry = |what: &str| reader::entry(fitted, &texture(side, what));
@@ -325,7 +271,7 @@ impl ScenePlan {
         if needs.normal {
             let why = if manifest.varied_sky() {
                 "the sky's light differs with where it turns"
-            } else if !leaf.facing.lit[s] && needs.gloss {
+            } else if !leaf.facing.lit[side] && needs.gloss {
                 "how much a glossy side mirrors of the sky depends on where it turns"
             } else {
                 "the sun falls on this side where it shows"
@@ -356,6 +302,11 @@ impl ScenePlan {
             plan.leave_out(what);
         }
     }
+}
+
+/// The name of a side's slab curve.
+pub fn curve_name(fitted: &LeafFit, side: Side) -> String {
+    format!("{}/{} slab curve", fitted.name, side.name())
 }
 
 fn shows(side: Side) -> String {

@@ -1,17 +1,20 @@
 //! The plan: everything that a scene needs, and how much of it; what is left out, the reason, and the saving.
 //!
-//! A plan only decides. It is plain data, which can be printed, written and compared. The maps and curves that it needs
-//! are read by [`crate::loaded`], which also measures the figures on which some decisions depend. Nothing is fitted,
-//! read, uploaded or compiled that the plan does not list. What is needed follows from the scene alone (which sides the
-//! cameras see, which light falls on them) and from the fits' own figures. How much is needed follows from the scene's
-//! tolerance and from rows of error and cost.
+//! A plan only decides. It is plain data, which can be printed, written and compared. It is made once, from the scene,
+//! the heads of its fits and what their maps told when they were read ([`findings`]), and is not changed afterwards.
+//! [`LeafPlan::new`] says which maps of a leaf must be read; [`crate::loaded`] reads them and hands over the findings.
+//! Nothing is fitted, read, uploaded or compiled that the plan does not list. What is needed follows from the scene
+//! alone (which sides the cameras see, which light falls on them) and from the fits' own figures. How much is needed
+//! follows from the scene's tolerance and from rows of error and cost.
 
 pub mod accuracy;
 mod branches;
+pub mod findings;
 mod grass;
 pub mod leaf;
 pub mod levels;
 mod light;
+mod needs;
 pub mod transfer;
 mod unknowns;
 mod warnings;
@@ -22,6 +25,7 @@ use crate::placed::PlacedScene;
 use crate::placed::fits::{reader, source::FitFreshness};
 use crate::placed::ledger::Ledger;
 use accuracy::AccuracyRow;
+use findings::LeafFindings;
 use mesophyll_fits::leaf_folder::LeafFit;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -194,9 +198,17 @@ pub struct ScenePlan {
 }
 
 impl ScenePlan {
-    /// The plan that follows from the placements: the fits, and the needs of each side. After this, leaves are planned
-    /// one by one ([`leaf`]), and [`ScenePlan::finish`] completes the plan.
-    pub fn new(manifest: &SceneManifest, placed: &PlacedScene) -> ScenePlan {
+    /// The plan of a scene. `found` has what the maps of each leaf told.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for a side that is needed and that a fit does not have, for a physical sky that the
+    /// model refuses, and for a fit's blade that cannot be read.
+    pub fn new(
+        manifest: &SceneManifest,
+        placed: &PlacedScene,
+        found: &[LeafFindings],
+        ledger: &Ledger,
+    ) -> Result<ScenePlan> {
         let mut plan = ScenePlan {
             scene: manifest.name.clone(),
             needed: Vec::new(),
@@ -216,43 +228,41 @@ impl ScenePlan {
             },
         };
         for leaf in &placed.leaves {
-            plan.leaves.push(LeafPlan { sides: leaf::sides(manifest, leaf, placed.free), size: [0; 2], block: 1 });
+            plan.leaves.push(LeafPlan::new(manifest, leaf, placed.free)?);
             plan.list_fits(manifest, leaf);
         }
-        plan
-    }
-
-    /// Decides about branches and light, after all leaves.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] for a physical sky that the model refuses, and for a fit's blade that cannot be read.
-    pub fn finish(&mut self, manifest: &SceneManifest, placed: &PlacedScene, ledger: &Ledger) -> Result<()> {
-        branches::branches(manifest, placed, self, ledger);
-        grass::lawns(manifest, placed, self)?;
-        light::lights(manifest, placed, self)?;
-        transfer::between(manifest, placed, self)?;
-        light::absent_models(manifest, placed, self);
-        unknowns::unknowns(manifest, self);
-        self.warnings = warnings::warnings(manifest, placed)?;
-        let files = self.needed.iter().map(|n| (n.name.clone(), format!("{:?}", n.hash)));
-        let decided = format!("{:?} {:?}", self.leaves, self.light);
+        for (leaf, found) in placed.leaves.iter().zip(found) {
+            plan.leaf(manifest, leaf, found);
+        }
+        if placed.free {
+            plan.leaves.iter_mut().for_each(|l| l.block = 1);
+        }
+        branches::branches(manifest, placed, &mut plan, ledger);
+        grass::lawns(manifest, placed, &mut plan)?;
+        light::lights(manifest, placed, &mut plan)?;
+        transfer::between(manifest, placed, &mut plan)?;
+        light::absent_models(manifest, placed, &mut plan);
+        unknowns::unknowns(manifest, &mut plan);
+        plan.warnings = warnings::warnings(manifest, placed)?;
+        let files = plan.needed.iter().map(|n| (n.name.clone(), format!("{:?}", n.hash)));
+        let decided = format!("{:?} {:?}", plan.leaves, plan.light);
         let parts: Vec<(String, String)> = files.chain([("decided".into(), decided)]).collect();
-        self.hash = mesophyll_files::hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str())));
-        Ok(())
+        plan.hash = mesophyll_files::hash::combine(parts.iter().map(|(a, b)| (a.as_str(), b.as_str())));
+        Ok(plan)
     }
 
     /// Adds a need.
-    pub fn need(&mut self, need: PlanNeed) {
+    fn need(&mut self, need: PlanNeed) {
         self.needed.push(need);
     }
 
     /// Adds a thing that is left out.
-    pub fn leave_out(&mut self, left: PlanOmission) {
+    fn leave_out(&mut self, left: PlanOmission) {
         self.left_out.push(left);
     }
 
     /// Notes the rows behind a choice, and returns the cheapest one within `allowed`.
-    pub fn choose(&mut self, what: &str, rows: Vec<AccuracyRow>, allowed: f64) -> Option<AccuracyRow> {
+    fn choose(&mut self, what: &str, rows: Vec<AccuracyRow>, allowed: f64) -> Option<AccuracyRow> {
         let row = accuracy::cheapest(&rows, allowed);
         self.measured.insert(what.into(), rows);
         row

@@ -13,6 +13,8 @@ use crate::placed::daylight::{self, Daylight};
 use crate::placed::fits::reader;
 use crate::placed::ledger::Ledger;
 use crate::placed::placement::LeafPlacement;
+use crate::plan::leaf::curve_name;
+use crate::world::{WorldLights, WorldSky};
 use glam::DVec3;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::quantity::Quantity;
@@ -88,8 +90,7 @@ impl SceneEditor {
     /// Reflectance and transmittance of a leaf's side with the present edits.
     fn side(&self, leaf: usize, side: Side) -> Result<viewer::Interior> {
         let of = self.leaf(leaf);
-        let s = side as usize;
-        let Some(fitted) = of.placed.fitted.as_ref().filter(|f| f.has(side) && of.plan.sides[s].interior()) else {
+        let Some(fitted) = of.placed.fitted.as_ref().filter(|f| f.has(side) && of.plan.needs(side).interior()) else {
             return Ok(viewer::Interior::Scalars(viewer::SlabCurve::default()));
         };
         if of.placed.interior(of.config) == InteriorSource::Maps {
@@ -97,8 +98,8 @@ impl SceneEditor {
             return Ok(viewer::Interior::Maps { rho_d, rho_t });
         }
         let h = fitted.thickness(side)?;
-        let texels = of.loaded.textures[s].gamma_delta.as_deref().unwrap_or_default();
-        let what = format!("{}/{} slab curve", fitted.name, side.name());
+        let texels = of.loaded.textures[side].gamma_delta.as_deref().unwrap_or_default();
+        let what = curve_name(fitted, side);
         let (sigma_a, sigma_s) = (fitted.rgb(side, Quantity::SigmaA)?, fitted.rgb(side, Quantity::SigmaS)?);
         let made = self.ledger.note("curve", what, 0, || mesophyll_web::bundle::slab(sigma_a, sigma_s, h, texels));
         Ok(viewer::Interior::Scalars(mesophyll_web::bundle::slab_curve(&made)))
@@ -122,6 +123,27 @@ impl SceneEditor {
         })
     }
 
+    /// The lights that the window shows now.
+    fn lights(&self, scene: &viewer::Scene) -> Result<WorldLights<'_>> {
+        let manifest = &self.scene.manifest;
+        let sun = scene.sun.map(|s| transport::ReferenceSun {
+            direction: s.direction.as_dvec3(),
+            irradiance: s.irradiance.map(f64::from),
+            radius: f64::from(s.radius),
+        });
+        let sky = match (&scene.dome, scene.sky) {
+            (Some(dome), _) if dome.is_model() => {
+                let (zenith, azimuth) = angles(dome.sun);
+                let daylight = Daylight::at(manifest, zenith, azimuth, f64::from(dome.turbidity))?;
+                WorldSky::Physical(Box::new(daylight))
+            }
+            (Some(_), _) => manifest.pictured().map_or(WorldSky::Dark, WorldSky::Picture),
+            (None, Some(radiance)) => WorldSky::Even(radiance.map(f64::from)),
+            (None, None) => WorldSky::Dark,
+        };
+        Ok(WorldLights { sun, sky })
+    }
+
     /// The reference's world with the edits and with the window's lights.
     fn world(&self, scene: &viewer::Scene, eye: DVec3) -> Result<transport::ReferenceWorld> {
         let mut world = reference::world(&self.scene, &self.ledger)?;
@@ -143,26 +165,10 @@ impl SceneEditor {
         world.instances.extend(in_stands);
         reference::move_wood(&mut world, &self.scene.placed, time);
         stands::move_to(&mut world, &self.scene.placed, time);
-        world.sun = scene.sun.map(|s| transport::ReferenceSun {
-            direction: s.direction.as_dvec3(),
-            irradiance: s.irradiance.map(f64::from),
-            radius: f64::from(s.radius),
-        });
-        world.sky = scene.sky.map(|c| c.map(f64::from));
-        world.dome = match &scene.dome {
-            Some(dome) if !dome.is_model() => {
-                self.scene.manifest.pictured().map(|p| reference::pictured(&p.rest, f64::from(dome.strength)))
-            }
-            Some(dome) => {
-                let (zenith, azimuth) = angles(dome.sun);
-                let daylight = Daylight::at(&self.scene.manifest, zenith, azimuth, f64::from(dome.turbidity))?;
-                Some(reference::dome(&self.scene.manifest, daylight, f64::from(dome.strength)))
-            }
-            None => None,
-        };
+        let strength = scene.dome.as_ref().map_or(1.0, |dome| f64::from(dome.strength));
+        reference::shine(&mut world, &self.scene.manifest, &self.lights(scene)?, strength);
         (world.background, world.exposure) = (scene.background.map(f64::from), f64::from(scene.exposure));
-        let has =
-            |leaf: usize, s: usize| scene.leaf(leaf).is_some_and(|l| l.sides[Side::ALL[s]].translucency.is_some());
+        let has = |leaf: usize, side: Side| scene.leaf(leaf).is_some_and(|l| l.sides[side].translucency.is_some());
         // The path tracer also follows light through leaves that nobody sees.
         let eyes = if scene.transfer.is_some() { None } else { Some([eye]) };
         relight_where(&mut world, &self.scene, eyes.as_ref().map(|e| e.as_slice()), has)?;

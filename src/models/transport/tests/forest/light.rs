@@ -1,22 +1,23 @@
 //! Plants that are stored once give the light that they give leaf by leaf.
 
 use glam::{DMat4, DQuat, DVec2, DVec3};
+use mesophyll_files::mesh::LeafMesh;
 use mesophyll_transport::lobe::Lobe;
 use mesophyll_transport::path::{Canopy, PathSettings, PathTracer};
 use mesophyll_transport::{
-    Options, ReferenceCamera, ReferenceGloss, ReferenceLeaf, ReferenceMesh, ReferencePlace, ReferencePlacement,
-    ReferenceRenderer, ReferenceSide, ReferenceSun, ReferenceWorld, shown,
+    Options, ReferenceCamera, ReferenceGloss, ReferenceLeaf, ReferencePlace, ReferencePlacement, ReferenceRenderer,
+    ReferenceSide, ReferenceSun, ReferenceWorld, shown,
 };
 
 /// A level square of this half width, with ρd of its two sides, ρt, and gloss by ρs and m.
 fn leaf(reach: f64, rho_d: [f64; 2], rho_t: f64, gloss: Option<(f64, f64)>) -> ReferenceLeaf {
     let at = |x: f64, y: f64| DVec3::new(x * reach, y * reach, 0.0);
-    let mesh = ReferenceMesh {
+    let mesh = LeafMesh {
         positions: vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)],
         normals: vec![DVec3::Z; 4],
         uvs: vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y],
         indices: vec![0, 1, 2, 0, 2, 3],
-        ..ReferenceMesh::default()
+        ..LeafMesh::default()
     };
     let gloss = || gloss.map(|(rho_s, m)| ReferenceGloss::even([rho_s; 3], m));
     let sides = rho_d.map(|rho_d| ReferenceSide::even([rho_d; 3], [rho_t; 3], gloss()));

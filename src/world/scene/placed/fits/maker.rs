@@ -9,7 +9,6 @@ use crate::manifest::{FitOrigin, SceneManifest, StatedLeaf, StatedScan};
 use crate::placed::ledger::Ledger;
 use crate::placed::{Error, Result};
 use mesophyll_capture::inspection::inspect;
-use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fits::leaf as fit;
 use mesophyll_fits::translucency as through;
@@ -20,16 +19,6 @@ use mesophyll_synth::{
     spec::{InteriorModel, LeafSpec},
 };
 use std::path::{Path, PathBuf};
-
-/// The options for the fit of a scene's leaf: the lobe with which it will be drawn.
-pub fn fit_options(leaf: &StatedLeaf) -> fit::Options {
-    fit::Options { lobe: leaf.lobe(), ..fit::Options::default() }
-}
-
-/// The input hash that `fit.toml` would have if `capture` were fitted now.
-pub fn input_hash(leaf: &StatedLeaf, capture: &Path) -> Result<String> {
-    fit::input_hash(&TubeCapture::open(capture)?, &fit_options(leaf))
-}
 
 /// The folder of a run's fit of a leaf.
 pub fn fit_folder(manifest: &SceneManifest, index: usize, out: &Path) -> PathBuf {
@@ -81,7 +70,7 @@ pub fn fit(
     }
     stop()?;
     ledger.note("fit", leaf.name.clone(), 0, || {
-        fit::run(&capture, folder, &fit::Options { force: afresh, ..fit_options(leaf) })
+        fit::run(&capture, folder, &fit::Options { force: afresh, ..source::fit_options(leaf) })
     })?;
     Ok(())
 }

@@ -2,7 +2,9 @@
 
 use crate::manifest::{FitOrigin, SceneManifest, StatedLeaf, StatedScan};
 use crate::placed::{Error, Result};
+use mesophyll_capture::reader::TubeCapture;
 use mesophyll_files::hash;
+use mesophyll_fits::leaf::Options;
 use mesophyll_fits::look::Look;
 use mesophyll_fits::record::FitRecord;
 use mesophyll_synth::spec::LeafSpec;
@@ -31,20 +33,22 @@ pub struct LeafSource {
     pub why: String,
 }
 
-/// Computes the hash of everything that a fit of this capture would be made from, as `fit.toml` records it.
-pub type FitInputHash<'a> = &'a dyn Fn(&StatedLeaf, &Path) -> Result<String>;
+/// The options for the fit of a scene's leaf: the lobe with which it will be drawn.
+pub fn fit_options(leaf: &StatedLeaf) -> Options {
+    Options { lobe: leaf.lobe(), ..Options::default() }
+}
 
-/// Finds the source of leaf `index`. `out` is a run's folder with its own fits. `input_hash` computes the present hash
-/// of a capture.
+/// The input hash that `fit.toml` would have if `capture` were fitted now.
+fn input_hash(leaf: &StatedLeaf, capture: &Path) -> Result<String> {
+    mesophyll_fits::leaf::input_hash(&TubeCapture::open(capture)?, &fit_options(leaf))
+}
+
+/// Finds the source of leaf `index`. `out` is a run's folder with its own fits. Where captures are to be `compared`, a
+/// fit whose capture has changed since is not up to date.
 ///
 /// # Errors
 /// [`Error::Input`] when the scene names a fit that does not exist and nothing to make it from.
-pub fn source(
-    manifest: &SceneManifest,
-    index: usize,
-    out: Option<&Path>,
-    input_hash: Option<FitInputHash>,
-) -> Result<LeafSource> {
+pub fn source(manifest: &SceneManifest, index: usize, out: Option<&Path>, compared: bool) -> Result<LeafSource> {
     let leaf = &manifest.leaves[index];
     if let Some(look) = leaf.look() {
         return stated(&look_of(manifest, look), out.map(|o| o.join("fits").join(leaf.data_name())));
@@ -58,17 +62,17 @@ pub fn source(
     let mut stale = None;
     for (folder, is_named) in [(made.clone(), false), (named.clone(), true)] {
         let Some(folder) = folder.filter(|f| exists(f)) else { continue };
-        let why = match (capture, scan, input_hash) {
-            (Some(capture), _, Some(hash)) => {
+        let why = match (capture, scan) {
+            (Some(capture), _) if compared => {
                 let capture = manifest.resolve(capture);
-                if FitRecord::read(&folder)?.input_hash != hash(leaf, &capture)? {
+                if FitRecord::read(&folder)?.input_hash != input_hash(leaf, &capture)? {
                     stale =
                         Some(format!("{} changed since {} was fitted from it", capture.display(), folder.display()));
                     continue;
                 }
                 "its capture is what it was fitted from"
             }
-            (_, Some(scan), _) if !is_named => {
+            (_, Some(scan)) if !is_named => {
                 let stamp = scan_stamp(out.unwrap_or(Path::new(".")), leaf.data_name());
                 if std::fs::read_to_string(&stamp).ok().as_deref() != Some(scan_hash(manifest, scan)?.as_str()) {
                     stale = Some(format!("the scan's specification changed since {} was fitted", folder.display()));
