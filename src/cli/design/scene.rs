@@ -7,7 +7,6 @@ use mesophyll_fit_scene::design::{SceneDesign, SceneDesignOptions, plan};
 use mesophyll_fits::design::search;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
-use mesophyll_scene::placed::fits::maker::input_hash;
 use mesophyll_scene::placed::leaf::LeafSearch;
 use mesophyll_scene::placed::ledger::Ledger;
 use std::path::PathBuf;
@@ -83,7 +82,7 @@ const CHOSEN: [&str; 13] = [
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let options = args.options()?;
     let ledger = Ledger::new();
-    let search_in = LeafSearch { out: args.run.as_deref(), input_hash: Some(&input_hash), free: false };
+    let search_in = LeafSearch { out: args.run.as_deref(), compared: true, free: false };
     let scene = LoadedScene::open(SceneManifest::read(&args.scene)?, search_in, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     let design = plan(&scene, &options, &ledger)?;

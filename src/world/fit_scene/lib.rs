@@ -61,7 +61,7 @@ pub struct Options {
 }
 
 /// How numbers are found. It changes when the same pictures give other numbers.
-const METHOD: &str = "three sets of paths a step; derivatives by the product rule";
+const METHOD: &str = "three sets of paths a step; curvature of at least half of its own paths";
 /// The scene with what was found, in the fit's folder.
 pub const SCENE: &str = "scene.toml";
 /// The steps, in the fit's folder.

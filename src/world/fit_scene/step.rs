@@ -13,10 +13,12 @@ use std::collections::BTreeSet;
 pub fn step(numbers: &SceneUnknowns, normal: &SceneNormal) -> (Vec<f64>, Vec<f64>) {
     let (unit, before) = (unit(numbers), numbers.values());
     let (mut matrix, mut gradient) = (normal.matrix.clone(), normal.gradient.clone());
-    (0..unit.len()).for_each(|k| matrix[(k, k)] += 1.0 / (unit[k] * unit[k]));
+    let mut pull =
+        DMatrix::from_fn(unit.len(), unit.len(), |i, j| if i == j { 1.0 / (unit[i] * unit[i]) } else { 0.0 });
+    matrix += &pull;
     let mut held = BTreeSet::new();
     loop {
-        let (step, stderr) = solved(&matrix, &gradient, &unit);
+        let (step, stderr) = solved([&matrix, &(&normal.upper + &pull)], &gradient, &unit);
         let over = |pair: &&[usize; 2]| pair.iter().map(|k| before[*k] + step[*k]).sum::<f64>() > 1.0 + 1e-9;
         let sides = sums(numbers);
         let new: Vec<[usize; 2]> = sides.iter().filter(|pair| !held.contains(*pair)).filter(over).copied().collect();
@@ -27,19 +29,25 @@ pub fn step(numbers: &SceneUnknowns, normal: &SceneNormal) -> (Vec<f64>, Vec<f64
             let weight = 1e4 * matrix[(d, d)].max(matrix[(t, t)]);
             for i in [d, t] {
                 gradient[i] += weight * (1.0 - before[d] - before[t]);
-                [d, t].into_iter().for_each(|j| matrix[(i, j)] += weight);
+                for j in [d, t] {
+                    matrix[(i, j)] += weight;
+                    pull[(i, j)] += weight;
+                }
             }
             held.insert([d, t]);
         }
     }
 }
 
-/// The solution of the normal equations, and its standard errors.
-fn solved(matrix: &DMatrix<f64>, gradient: &DVector<f64>, unit: &[f64]) -> (Vec<f64>, Vec<f64>) {
+/// The solution of the normal equations, and its standard errors. A direction's curvature counts as at least half of
+/// that of `upper`, so that a step along it never makes the residuals of its own paths larger.
+fn solved([matrix, upper]: [&DMatrix<f64>; 2], gradient: &DVector<f64>, unit: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let n = unit.len();
     let scale: Vec<f64> = (0..n).map(|k| 1.0 / matrix[(k, k)].max(1.0 / (unit[k] * unit[k])).sqrt()).collect();
-    let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (matrix[(i, j)] + matrix[(j, i)]) * scale[i] * scale[j]);
-    let Some(eigen) = symmetric_eigen(scaled) else { return (vec![0.0; n], vec![f64::INFINITY; n]) };
+    let scaled =
+        |of: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| 0.5 * (of[(i, j)] + of[(j, i)]) * scale[i] * scale[j]);
+    let upper = scaled(upper);
+    let Some(eigen) = symmetric_eigen(scaled(matrix)) else { return (vec![0.0; n], vec![f64::INFINITY; n]) };
     let right = DVector::from_fn(n, |k, _| gradient[k] * scale[k]);
     let mut out = DVector::zeros(n);
     let mut variance = vec![0.0; n];
@@ -47,7 +55,7 @@ fn solved(matrix: &DMatrix<f64>, gradient: &DVector<f64>, unit: &[f64]) -> (Vec<
         // While noise is large, a direction's curvature may come out negative; nothing is known of it then.
         if *value > 1e-9 {
             let v = eigen.eigenvectors.column(k);
-            out += v * (v.dot(&right) / value);
+            out += v * (v.dot(&right) / value.max(0.5 * v.dot(&(&upper * v))));
             (0..n).for_each(|j| variance[j] += v[j] * v[j] / value);
         }
     }

@@ -6,6 +6,10 @@
 //! ```text
 //! g = (J₁ + J₂)ᵀ W r / 2        N = (J₁ᵀ W J₂ + J₂ᵀ W J₁) / 2        step = N⁻¹ g
 //! ```
+//! While derivatives are noisy, N can be far too small along some directions, and a step there would make things worse.
+//! So the curvature of a direction is at least half of what the gradient's own paths have; that changes steps, and not
+//! where they end.
+//!
 //! W is the inverse of the measurement's variance and the picture's own together, both by the paths of the derivatives:
 //! by those of the residuals, weights would be large where the picture happens to be dark. Once steps are no larger
 //! than noise makes them, as many paths are followed as make the pictures' own noise a third of the measurement's.
@@ -104,8 +108,11 @@ pub struct SceneFit {
 
 /// What a step is made of.
 pub struct SceneNormal {
-    /// The normal matrix.
+    /// The normal matrix N.
     pub matrix: DMatrix<f64>,
+    /// The normal matrix of both halves together, J̄ᵀ W J̄ with J̄ = (J₁ + J₂)/2: that of the gradient's own paths. It
+    /// is too large by the derivatives' noise, where N may be too small by it.
+    pub upper: DMatrix<f64>,
     /// The gradient.
     pub gradient: DVector<f64>,
     chi2: f64,
@@ -226,6 +233,7 @@ fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: 
     let typical = median_of(compared.iter().map(|c| c.residual.abs())).unwrap_or(0.0) / 0.674_5;
     let limit = TYPICAL * typical.max(1.0);
     let (mut matrix, mut gradient): (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    let mut upper = matrix.clone();
     let mut row: Vec<(usize, f64, f64)> = Vec::with_capacity(n);
     let mut by = Vec::new();
     for (place, reading) in compared.iter().enumerate() {
@@ -241,10 +249,11 @@ fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: 
             gradient[*i] += 0.5 * (p + q) * weight * reading.residual * reading.error;
             for (j, u, v) in &row {
                 matrix[(*i, *j)] += 0.5 * weight * (p * v + q * u);
+                upper[(*i, *j)] += 0.25 * weight * (p + q) * (u + v);
             }
         }
     }
-    Ok(SceneNormal { matrix, gradient, chi2, count, own, compared, slopes: by })
+    Ok(SceneNormal { matrix, upper, gradient, chi2, count, own, compared, slopes: by })
 }
 
 /// The readings of the shots that `wanted` chooses, compared with `shown`. Two pictures of half as many paths give the
