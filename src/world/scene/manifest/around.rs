@@ -37,8 +37,8 @@ impl SceneManifest {
         let [width, height] = extent(&record).unwrap_or([100.0; 2]);
         let far = 0.5 * height.max(width) / 15f64.to_radians().sin();
         let (side, up) = (-0.6 * far, 0.8 * far);
-        // Both eyes are above the ground, which reaches as far as it is seen.
-        let numbers = [("SIDE", side), ("UP", up), ("LOW", 2.0 * up), ("WIDE", 60.0 * far), ("GRAIN", 0.12 * far)];
+        // Both eyes are above the ground. It reaches as far as the views see it; beyond, the ground of the sky goes on.
+        let numbers = [("SIDE", side), ("UP", up), ("LOW", 2.0 * up), ("WIDE", 12.0 * far), ("GRAIN", 0.12 * far)];
         let text =
             numbers.iter().fold(AROUND.to_string(), |text, (word, value)| text.replace(word, &format!("{value:.3}")));
         // The name comes last, because it may hold any word.
