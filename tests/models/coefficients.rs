@@ -99,6 +99,27 @@ fn coefficients_are_trained_and_used() {
     assert!(good && said.contains("1 reading outside 400 to 2500 nm"), "{said}");
 }
 
+/// Where no column names species, each leaf is one, and that is said.
+#[test]
+fn a_table_without_species_is_trained_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let table = leaves();
+    std::fs::write(dir.path().join("leaves.csv"), table.replace("species", "kind")).unwrap();
+    let (good, out, said) = run(&["fit", "coefficients", "--in", "leaves.csv"], dir.path());
+    assert!(good && said.contains("no column species, so each leaf counts as a species of its own"), "{said}");
+    assert!(said.contains("30 leaves, each taken for a species of its own"), "{said}");
+    std::fs::write(dir.path().join("coefficients.csv"), out).unwrap();
+    std::fs::write(dir.path().join("others.csv"), table).unwrap();
+    let fit = ["fit", "foliar", "--pigments", "coefficients.csv", "--noise", "0.005", "--in", "others.csv"];
+    let (good, out, said) = run(&fit, dir.path());
+    assert!(good, "{said}");
+    for row in rows(&out) {
+        let number = |name: &str| row[name].parse::<f64>().unwrap();
+        let (found, measured) = (number("water_g_cm2"), number("measured_water_g_cm2"));
+        assert!((found - measured).abs() < 4.0 * number("water_g_cm2_err") + 0.02 * measured, "{row:?}");
+    }
+}
+
 #[test]
 fn a_table_of_training_is_not_overwritten_and_lower_sides_are_left_out_by_name() {
     let dir = tempfile::tempdir().unwrap();
@@ -129,7 +150,6 @@ fn tables_that_cannot_be_trained_on_are_refused_by_name() {
     let reflectance = table.replace(",T", ",X");
     for (text, want) in [
         (table.replace("measured_water_g_cm2", "water"), "measured_water_g_cm2: no such column"),
-        (table.replace("species", "kind"), "species: no such column"),
         (few, "7 leaves that can be used, expected at least 10"),
         (table.lines().next().unwrap().to_string(), "0 leaves that can be used"),
         (reflectance, "only one of reflectance and transmittance"),

@@ -106,14 +106,22 @@ fn read(mut table: InputTable, percent: bool) -> Result<PlateTraining> {
     if !pairs.iter().any(|p| p.1[0].is_some()) || !pairs.iter().any(|p| p.1[1].is_some()) {
         return Err(Error::input(&name, "it has only one of reflectance and transmittance; training needs both"));
     }
-    let species = table.require("species")?;
+    let species = table.column("species");
+    if species.is_none() {
+        progress::say(format!(
+            "{}: no column species, so each leaf counts as a species of its own, and neighbouring rows are left out \
+             together; where leaves of one plant stand apart, the errors are too small",
+            name.display()
+        ));
+    }
     let measured = (0..4).map(|k| table.require(&table::measured(k))).collect::<Result<Vec<_>>>()?;
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&table, &names, percent)?;
     let places = names.iter().map(|n| table.require(n)).collect::<Result<Vec<_>>>()?;
     let lit = table.column("side");
     let leaf = spectra::LEAF.into_iter().find_map(|n| table.column(n));
-    let mut out = PlateTraining { wavelengths: pairs.iter().map(|p| p.0).collect(), ..PlateTraining::default() };
+    let wavelengths = pairs.iter().map(|p| p.0).collect();
+    let mut out = PlateTraining { wavelengths, without_species: species.is_none(), ..PlateTraining::default() };
     let (left, mut record) = (Omissions::default(), TableRecord::default());
     while table.next_record(&mut record)? {
         let line = record.line();
@@ -163,7 +171,9 @@ fn read(mut table: InputTable, percent: bool) -> Result<PlateTraining> {
                 Err(why) => left.add(line, why),
             }
         }
-        let kind = record.shown(species).trim().to_string();
+        let shown = leaf.map(|k| record.shown(k).trim().to_string()).filter(|name| !name.is_empty());
+        let shown = shown.unwrap_or_else(|| format!("line {line}"));
+        let kind = species.map_or_else(|| format!("line {line}"), |k| record.shown(k).trim().to_string());
         if kind.is_empty() {
             left.add(line, "species is empty");
             continue;
@@ -177,7 +187,6 @@ fn read(mut table: InputTable, percent: bool) -> Result<PlateTraining> {
             out.species.push(kind);
             out.species.len() - 1
         });
-        let shown = leaf.map_or_else(|| format!("line {line}"), |k| record.shown(k).into_owned());
         out.examples.push(PlateExample { name: shown, species: place, spectra, measured: contents });
     }
     if shares.refuses_all() {

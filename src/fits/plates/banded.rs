@@ -16,9 +16,10 @@ impl BandedMatrix {
         &mut self.rows[row * (self.band + 1) + column + self.band - row]
     }
 
-    /// Solves the system by Cholesky's factors; `None` where the matrix is not positive.
-    pub fn solve(mut self, mut b: Vec<f64>) -> Option<Vec<f64>> {
-        let (n, band) = (b.len(), self.band);
+    /// Cholesky's factor; `None` where the matrix is not positive.
+    pub fn factor(mut self) -> Option<BandedFactor> {
+        let band = self.band;
+        let n = self.rows.len() / (band + 1);
         for i in 0..n {
             let first = i.saturating_sub(band);
             for j in first..=i {
@@ -36,18 +37,37 @@ impl BandedMatrix {
                     *self.at(i, j) = sum / *self.at(j, j);
                 }
             }
-            for k in first..i {
-                b[i] -= *self.at(i, k) * b[k];
-            }
-            b[i] /= *self.at(i, i);
         }
-        for i in (0..n).rev() {
-            b[i] /= *self.at(i, i);
-            for k in i.saturating_sub(band)..i {
-                b[k] -= *self.at(i, k) * b[i];
+        Some(BandedFactor { band, rows: self.rows })
+    }
+}
+
+/// Cholesky's factor of a [`BandedMatrix`].
+pub(super) struct BandedFactor {
+    band: usize,
+    rows: Vec<f64>,
+}
+
+impl BandedFactor {
+    fn at(&self, row: usize, column: usize) -> f64 {
+        self.rows[row * (self.band + 1) + column + self.band - row]
+    }
+
+    /// Solves the system for a right side.
+    pub fn solve(&self, mut b: Vec<f64>) -> Vec<f64> {
+        for i in 0..b.len() {
+            for k in i.saturating_sub(self.band)..i {
+                b[i] -= self.at(i, k) * b[k];
+            }
+            b[i] /= self.at(i, i);
+        }
+        for i in (0..b.len()).rev() {
+            b[i] /= self.at(i, i);
+            for k in i.saturating_sub(self.band)..i {
+                b[k] -= self.at(i, k) * b[i];
             }
         }
-        Some(b)
+        b
     }
 }
 
@@ -71,10 +91,10 @@ mod tests {
                 }
             }
         }
-        let found = matrix.solve(b).unwrap();
+        let found = matrix.factor().unwrap().solve(b);
         assert!(found.iter().zip(&truth).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
         let mut negative = BandedMatrix::zeros(1, 0);
         *negative.at(0, 0) = -1.0;
-        assert!(negative.solve(vec![1.0]).is_none());
+        assert!(negative.factor().is_none());
     }
 }

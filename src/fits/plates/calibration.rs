@@ -2,6 +2,7 @@
 
 use super::answer::{PlateAnswer, PlateFitModel, off_base, off_by};
 use super::misfit::{self, PlateMisfit};
+use super::spectral_step::{SpectralGuard, SpectralStep};
 use super::training::{PlateExample, PlateRound, PlateTrained, PlateTraining, readings};
 use super::{CONTENTS, FREE, PlateCoefficients, PlatePoint, PlatePopulation, REACH, SUBSTANCES, USUAL};
 use mesophyll_base::statistics::median_of;
@@ -24,6 +25,9 @@ const WIDTH: f64 = 1.507;
 const CHANCE: f64 = 2.0;
 /// A leaf that leaves this many times the usual, or whose content is this many standard errors off, is suspect.
 const SUSPECT: [f64; 2] = [4.0, 4.0];
+/// A spread that only five parts tell is itself uncertain: Student's distribution of four degrees of freedom has 95 %
+/// within 2.776 and not 1.96 standard errors.
+const FEW_PARTS: f64 = 2.776 / 1.96;
 /// A constant is not carried where its standard error is more than half of it.
 const CARRIED: f64 = 0.5;
 /// Constants below this share of the largest are not judged: there is nothing to carry.
@@ -82,14 +86,17 @@ fn off(k: usize, judged: &[PlateJudged], population: &PlatePopulation) -> f64 {
     needed.get(place - 1).copied().unwrap_or(0.0).sqrt()
 }
 
-/// Standard errors of the constants from how they change where species are left out (the jackknife).
-fn scatter(whole: &[PlatePoint], parts: &[PlatePart]) -> Vec<[f64; FREE]> {
+/// Standard errors of the constants: how they change where species are left out (the jackknife), but at least those of
+/// each wavelength alone; and how they change where next to nothing is assumed of them, because what smoothness and the
+/// pull towards a usual index make of a constant shows nowhere else.
+fn scatter(whole: &[PlatePoint], loose: &[PlatePoint], alone: &[[f64; FREE]], parts: &[PlatePart]) -> Vec<[f64; FREE]> {
     let n = parts.len() as f64;
     let at = |w: usize| {
         let of = |j: usize| {
             let mean = parts.iter().map(|p| p.0[w].all()[j]).sum::<f64>() / n;
             let squares: f64 = parts.iter().map(|p| (p.0[w].all()[j] - mean).powi(2)).sum();
-            (squares * (n - 1.0) / n).sqrt()
+            let left_out = FEW_PARTS * (squares * (n - 1.0) / n).sqrt();
+            left_out.max(alone[w][j]).hypot(whole[w].all()[j] - loose[w].all()[j])
         };
         std::array::from_fn(of)
     };
@@ -179,15 +186,26 @@ fn count_in(k: usize, factor: f64, points: &mut [PlatePoint], population: &mut P
 pub(super) fn judged(
     table: &PlateTraining,
     mut whole: PlateRound,
+    mut loose: PlateRound,
     mut population: PlatePopulation,
     mut parts: Vec<PlatePart>,
 ) -> PlateTrained {
     let count = table.wavelengths.len();
     let first = PlateMisfit { modes: Vec::new(), short: vec![[FIRST[0]; 2]; count], reach: FIRST[1] };
     let before = unseen(table, &parts, &first, FIRST[0]);
+    let examples: Vec<&PlateExample> = table.examples.iter().collect();
+    let step = SpectralStep {
+        wavelengths: &table.wavelengths,
+        examples: &examples,
+        numbers: &whole.numbers,
+        guard: SpectralGuard::FULL,
+    };
+    let mut alone = step.errors(&whole.points);
     for k in 0..4 {
         let factor = unit(k, &before, &population);
         count_in(k, factor, &mut whole.points, &mut population);
+        loose.points.iter_mut().for_each(|p| p.specific[k] /= factor);
+        alone.iter_mut().for_each(|e| e[k] /= factor);
         parts.iter_mut().for_each(|(points, population, _)| count_in(k, factor, points, population));
     }
     let left: Vec<Vec<[f64; 2]>> = before.into_iter().map(|(_, _, left)| left).collect();
@@ -198,7 +216,7 @@ pub(super) fn judged(
     population.off = std::array::from_fn(|k| off(k, &judged, &population));
     let suspects = suspects(&judged, &population);
     let mut all = coefficients(table, &whole.points, population, &misfit);
-    all.errors = scatter(&whole.points, &parts);
+    all.errors = scatter(&whole.points, &loose.points, &alone, &parts);
     let uncarried = uncarried(table, &all.points, &all.errors);
     PlateTrained { coefficients: all, suspects, uncarried }
 }
@@ -207,8 +225,13 @@ pub(super) fn judged(
 pub fn words(coefficients: &PlateCoefficients) -> String {
     let PlatePopulation { rms, off, counts: [leaves, species], .. } = coefficients.population;
     let off: Vec<String> = SUBSTANCES[..4].iter().zip(off).map(|(n, x)| format!("{n} {:.0} %", 100.0 * x)).collect();
+    let of = if leaves == species {
+        ", each taken for a species of its own".into()
+    } else {
+        format!(" of {species} species")
+    };
     format!(
-        "{leaves} leaves of {species} species; of a leaf whose species was left out an rms of {rms:.4} is left \
+        "{leaves} leaves{of}; of a leaf whose species was left out an rms of {rms:.4} is left \
          (median), and contents are off by {} beside the errors of each fit",
         off.join(", ")
     )

@@ -82,7 +82,8 @@ impl PlateClue {
         PlateClue { weights, target, sigma }
     }
 
-    fn residual(&self, leaf: &[f64]) -> f64 {
+    /// How far a leaf is off, in units of `sigma`.
+    pub fn residual(&self, leaf: &[f64]) -> f64 {
         (self.weights.iter().zip(leaf).map(|(w, x)| w * x).sum::<f64>() - self.target) / self.sigma
     }
 }

@@ -9,6 +9,7 @@
 mod answer;
 mod banded;
 pub mod calibration;
+mod joint_step;
 pub mod leaf;
 pub mod misfit;
 mod spectral_step;

@@ -2,8 +2,9 @@
 //! turn, each by least squares, until both fit.
 
 use super::calibration;
+use super::joint_step::JointStep;
 use super::leaf::{PlateClue, PlateLight, PlateReading, descend};
-use super::spectral_step::{SpectralStep, usual_index};
+use super::spectral_step::{SpectralGuard, SpectralStep, usual_index};
 use super::{CONTENTS, FREE, PLATES, PlateCoefficients, PlatePoint, PlatePopulation, REACH, USUAL};
 use mesophyll_base::solvers::Fit;
 use mesophyll_files::progress;
@@ -25,9 +26,12 @@ const WEIGHT: f64 = 0.03;
 const MEASURED: [f64; 4] = [0.1, 0.1, 0.03, 0.15];
 /// The same for a content that is small beside the usual one.
 const SMALL: f64 = 0.3;
-/// Turns, and steps within each.
-const TURNS: usize = 16;
+/// Turns of leaves and wavelengths, and steps within each.
+const TURNS: usize = 8;
 const STEPS: usize = 3;
+/// Steps of both together after the turns, until one lowers the cost by less than this share.
+const JOINT: usize = 30;
+const SETTLED: f64 = 1e-4;
 /// In the first turns the leaves keep their measured contents.
 const HELD: usize = 4;
 
@@ -51,8 +55,18 @@ pub struct PlateTraining {
     pub wavelengths: Vec<f64>,
     /// The leaves.
     pub examples: Vec<PlateExample>,
-    /// Names of the species.
+    /// Names of the species; of the leaves where the table states none.
     pub species: Vec<String>,
+    /// Whether the table states no species, so that each leaf counts as one.
+    pub without_species: bool,
+}
+
+impl PlateTraining {
+    /// The part in which a species is left out. Where none are stated, neighbours are left out together: the leaves of
+    /// a plant usually stand together in a table, and must not vouch for one another.
+    fn part(&self, species: usize) -> usize {
+        if self.without_species { species * PARTS / self.species.len().max(1) } else { species % PARTS }
+    }
 }
 
 /// What training came to.
@@ -66,7 +80,11 @@ pub struct PlateTrained {
     pub uncarried: Vec<String>,
 }
 
+/// What is assumed of constants counts this much less, to see what it makes of them.
+const LOOSE: SpectralGuard = SpectralGuard { smooth: 0.01, pull: 0.01 };
+
 /// Points and the numbers of the leaves that they came with.
+#[derive(Clone)]
 pub(super) struct PlateRound {
     pub points: Vec<PlatePoint>,
     pub numbers: Vec<[f64; FREE]>,
@@ -143,54 +161,116 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Fits leaves and wavelengths in turn.
+/// Leaves that are fitted together with the constants.
+struct PlateTable<'a> {
+    wavelengths: &'a [f64],
+    examples: &'a [&'a PlateExample],
+    readings: Vec<Vec<PlateReading>>,
+    ratio: [f64; 2],
+    typical: [f64; 4],
+}
+
+impl<'a> PlateTable<'a> {
+    fn new(wavelengths: &'a [f64], examples: &'a [&'a PlateExample]) -> PlateTable<'a> {
+        let typical = std::array::from_fn(|k| {
+            mean(examples.iter().map(|e| e.measured[k]).filter(|x| !x.is_nan())).unwrap_or(USUAL[k])
+        });
+        let readings = examples.iter().map(|e| readings(e)).collect();
+        PlateTable { wavelengths, examples, readings, ratio: ratio(examples), typical }
+    }
+
+    /// Where fits begin.
+    fn first(&self) -> PlateRound {
+        let first = |e: &&PlateExample| {
+            let mut leaf = START;
+            for k in 0..4 {
+                leaf[k] = if e.measured[k].is_nan() { self.typical[k] } else { e.measured[k] } / USUAL[k];
+            }
+            leaf
+        };
+        PlateRound {
+            points: self.wavelengths.iter().map(|w| guess(*w)).collect(),
+            numbers: self.examples.iter().map(first).collect(),
+        }
+    }
+
+    fn spectral<'b>(&'b self, numbers: &'b [[f64; FREE]], guard: SpectralGuard) -> SpectralStep<'b> {
+        SpectralStep { wavelengths: self.wavelengths, examples: self.examples, numbers, guard }
+    }
+
+    /// Each leaf, and then all wavelengths.
+    fn turn(&self, round: &mut PlateRound, held: bool, damping: &mut f64) {
+        let lights: Vec<PlateLight> = round.points.iter().map(|p| PlateLight::new(*p)).collect();
+        round.numbers = (0..self.examples.len())
+            .into_par_iter()
+            .map(|k| {
+                let clues = clues(self.examples[k], &self.typical, self.ratio, held);
+                let fit: Fit = descend(&lights, &self.readings[k], WEIGHT, &clues, &round.numbers[k], STEPS);
+                let sound = fit.params.iter().all(|x| x.is_finite());
+                if sound { std::array::from_fn(|j| fit.params[j]) } else { round.numbers[k] }
+            })
+            .collect();
+        settle(self.wavelengths, round);
+        let step = self.spectral(&round.numbers, SpectralGuard::FULL);
+        let mut cost = step.cost(&round.points);
+        for _ in 0..STEPS {
+            cost = step.step(&mut round.points, cost, damping);
+        }
+        *damping = damping.min(1.0);
+    }
+
+    /// Leaves and wavelengths together, until nothing moves.
+    fn together(&self, round: &mut PlateRound, guard: SpectralGuard) -> crate::Result<()> {
+        let clues: Vec<Vec<PlateClue>> =
+            self.examples.iter().map(|e| clues(e, &self.typical, self.ratio, false)).collect();
+        let mut damping = 1e-3;
+        for _ in 0..JOINT {
+            may_go_on()?;
+            let spectral = self.spectral(&round.numbers, guard);
+            let joint = JointStep { spectral, clues: &clues, weight: WEIGHT };
+            let before = joint.cost(&round.points);
+            let Some((numbers, points, after)) = joint.step(&round.points, before, &mut damping) else {
+                if damping >= 1e4 {
+                    break;
+                }
+                continue;
+            };
+            *round = PlateRound { points, numbers };
+            settle(self.wavelengths, round);
+            if after > (1.0 - SETTLED) * before {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn may_go_on() -> crate::Result<()> {
+    if progress::stop_requested() {
+        return Err(crate::Error::Interrupted("interrupted; no coefficients were written".into()));
+    }
+    Ok(())
+}
+
+/// Fits leaves and wavelengths: in turn, which finds the way from afar, and then together.
 ///
 /// # Errors
 /// Where the program was asked to stop.
-pub(super) fn alternate(wavelengths: &[f64], examples: &[&PlateExample]) -> crate::Result<PlateRound> {
-    let mut points: Vec<PlatePoint> = wavelengths.iter().map(|w| guess(*w)).collect();
-    let ratio = ratio(examples);
-    let typical: [f64; 4] = std::array::from_fn(|k| {
-        mean(examples.iter().map(|e| e.measured[k]).filter(|x| !x.is_nan())).unwrap_or(USUAL[k])
-    });
-    let all: Vec<Vec<PlateReading>> = examples.iter().map(|e| readings(e)).collect();
-    let first = |e: &&PlateExample| {
-        let mut leaf = START;
-        for k in 0..4 {
-            leaf[k] = if e.measured[k].is_nan() { typical[k] } else { e.measured[k] } / USUAL[k];
-        }
-        leaf
-    };
-    let mut numbers: Vec<[f64; FREE]> = examples.iter().map(first).collect();
+fn both(table: &PlateTable) -> crate::Result<PlateRound> {
+    let mut round = table.first();
     let mut damping = 1e-2;
     for turn in 0..TURNS {
-        if progress::stop_requested() {
-            return Err(crate::Error::Interrupted("interrupted; no coefficients were written".into()));
-        }
-        let lights: Vec<PlateLight> = points.iter().map(|p| PlateLight::new(*p)).collect();
-        numbers = (0..examples.len())
-            .into_par_iter()
-            .map(|k| {
-                let clues = clues(examples[k], &typical, ratio, turn < HELD);
-                let fit: Fit = descend(&lights, &all[k], WEIGHT, &clues, &numbers[k], STEPS);
-                let sound = fit.params.iter().all(|x| x.is_finite());
-                if sound { std::array::from_fn(|j| fit.params[j]) } else { numbers[k] }
-            })
-            .collect();
-        settle(wavelengths, &mut points, &mut numbers);
-        let step = SpectralStep { wavelengths, examples, numbers: &numbers };
-        let mut cost = step.cost(&points);
-        for _ in 0..STEPS {
-            cost = step.step(&mut points, cost, &mut damping);
-        }
-        damping = damping.min(1.0);
+        may_go_on()?;
+        table.turn(&mut round, turn < HELD, &mut damping);
     }
-    Ok(PlateRound { points, numbers })
+    table.together(&mut round, SpectralGuard::FULL)?;
+    Ok(round)
 }
 
 /// Brown pigments and plates have no unit of their own: the mean leaf has 1 of the former, and plates count 1 on
 /// average where nothing absorbs.
-fn settle(wavelengths: &[f64], points: &mut [PlatePoint], numbers: &mut [[f64; FREE]]) {
+fn settle(wavelengths: &[f64], round: &mut PlateRound) {
+    let PlateRound { points, numbers } = round;
     let brown = mean(numbers.iter().map(|leaf| leaf[4])).unwrap_or(1.0);
     if brown > 1e-6 {
         numbers.iter_mut().for_each(|leaf| leaf[4] /= brown);
@@ -229,15 +309,18 @@ pub fn train(table: &PlateTraining) -> crate::Result<PlateTrained> {
     let examples: Vec<&PlateExample> = table.examples.iter().collect();
     let leave = |part: usize| {
         let (kept, left): (Vec<&PlateExample>, Vec<&PlateExample>) =
-            examples.iter().partition(|e| e.species % PARTS != part);
-        let round = alternate(&table.wavelengths, &kept)?;
+            examples.iter().partition(|e| table.part(e.species) != part);
+        let round = both(&PlateTable::new(&table.wavelengths, &kept))?;
         let population = population(&round, &kept, table.species.len());
         Ok((round.points, population, left))
     };
     let parts = (0..PARTS).map(leave).collect::<crate::Result<Vec<_>>>()?;
-    let whole = alternate(&table.wavelengths, &examples)?;
+    let leaves = PlateTable::new(&table.wavelengths, &examples);
+    let whole = both(&leaves)?;
+    let mut loose = whole.clone();
+    leaves.together(&mut loose, LOOSE)?;
     let population = population(&whole, &examples, table.species.len());
-    Ok(calibration::judged(table, whole, population, parts))
+    Ok(calibration::judged(table, whole, loose, population, parts))
 }
 
 /// Why a table cannot be trained on, if so.
@@ -246,7 +329,7 @@ pub fn refusal(table: &PlateTraining) -> Option<String> {
     if leaves < FEWEST_LEAVES {
         return Some(format!("it has {leaves} leaves that can be used, expected at least {FEWEST_LEAVES}"));
     }
-    if species < FEWEST_SPECIES {
+    if species < FEWEST_SPECIES && !table.without_species {
         return Some(format!(
             "it has leaves of {species} species, expected at least {FEWEST_SPECIES}, because each is left out once to \
              learn how far the model is off"
