@@ -176,9 +176,10 @@ impl FoliarFitModel {
             }
         }
         triples.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let Some(shared) = ResponseSurfaceTable::new(&triples, &self.setting, side) else { return };
+        let shared = ResponseSurfaceTable::both(&triples, &self.setting, side);
         for (place, light) in self.places.iter().zip(&self.lights).filter(|(_, l)| l.1 == side) {
-            if let Some(of_light) = shared.at(light.2.indices).filter(|_| self.surfaces[*place].get().is_none()) {
+            let found = || shared.iter().find_map(|table| table.at(light.2.indices));
+            if let Some(of_light) = self.surfaces[*place].get().is_none().then(found).flatten() {
                 self.surfaces[*place].get_or_init(|| of_light);
             }
         }
