@@ -339,6 +339,14 @@ pub const MODELS: [ModelEntry; 29] = [
         name: "foliar",
         fit: verb!(fit::foliar, "Pigments of a leaf from the light that it reflects and lets through, from CSV"),
         design: verb!(design::foliar, "Which bands of a spectrometer to read"),
+        bench: Some(ModelSweep {
+            pictures: Some(foliar::leaves::pictures),
+            peers: Some(PeerScript {
+                text: include_str!("../../tests/peers/leaves_peers.py"),
+                inputs: foliar::leaves::inputs,
+            }),
+            ..sweep!(foliar::leaves::rows)
+        }),
         stress: Some(|| Ok(foliar::stress::rows())),
         ..NONE
     },

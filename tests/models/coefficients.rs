@@ -75,17 +75,26 @@ fn coefficients_are_trained_and_used() {
     let mut long = "leaf,wavelength_nm,R,T,side\n".to_string();
     let leaf = &rows(&table)[3];
     for w in (400..=2500).step_by(60) {
-        long += &format!("a,{w},{},{},\nb,{w},,{1},abaxial\n", leaf[&format!("R{w}")], leaf[&format!("T{w}")]);
+        let (r, t) = (&leaf[&format!("R{w}")], &leaf[&format!("T{w}")]);
+        long += &format!("a,{w},{r},{t},\nb,{w},,{t},abaxial\nc,{w},{r},{t},\nc,{w},{r},{t},abaxial\n");
     }
     std::fs::write(dir.path().join("long.csv"), &long).unwrap();
-    let (good, out, said) = run(&[&fit[..], &["long.csv"]].concat(), dir.path());
+    let (good, out, said) = run(&[&fit[..], &["long.csv", "--plots", "plots"]].concat(), dir.path());
     let answers = rows(&out);
     assert!(good && answers[0]["chlorophyll_ug_cm2"] == found[3]["chlorophyll_ug_cm2"], "{said} {out}");
     assert!(answers[1]["status"].starts_with("refused") && answers[1]["status"].contains("lit from below"), "{out}");
+    // A leaf whose sides look alike is the leaf that one of them shows, and has a picture.
+    let number = |row: &HashMap<String, String>, name: &str| row[name].parse::<f64>().unwrap();
+    for name in CONTENTS {
+        let (one, both) = (number(&answers[0], name), number(&answers[2], name));
+        assert!((both / one - 1.0).abs() < 0.1, "{name}: {one} {both}");
+    }
+    let picture = std::fs::read_to_string(dir.path().join("plots/c.svg")).unwrap();
+    assert!(picture.contains("c: measured less fitted") && picture.contains("transmittance, from below"), "{said}");
     for (more, want) in [
         (vec!["--fit", "water"], "--fit is for the layered leaf"),
         (vec!["--incidence-deg", "20"], "--incidence-deg is for the layered leaf"),
-        (vec!["--plots", "p"], "--plots draws"),
+        (vec!["--plots", "p"], "--plots draws spectra in long form"),
     ] {
         let (good, _, said) = run(&[&fit[..], &["leaves.csv"], &more].concat(), dir.path());
         assert!(!good && said.contains(want), "{said}");

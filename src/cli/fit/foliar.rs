@@ -1,5 +1,6 @@
 //! `mesophyll fit foliar`: R and T at some wavelengths in, pigments and the epidermis's oblateness out.
 
+use super::foliar_plots::{self, PlottedReading};
 use crate::cli::names::named;
 use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
@@ -11,10 +12,11 @@ use mesophyll_files::{atomic, progress};
 use mesophyll_fits::foliar::surface::{FoliarFitSetting, MOST_OBLATE};
 use mesophyll_fits::foliar::{FoliarFitConstants, FoliarFitModel, FoliarParameter, FoliarReading, pigments};
 use mesophyll_fits::plates;
+use mesophyll_fits::plates::reading::side;
 use mesophyll_optics::foliar::pigments::OpticalSpectrum;
 use mesophyll_optics::foliar::{MesophyllPath, Oblateness};
 use mesophyll_optics::side::Side;
-use mesophyll_report::spectrum::{self, SpectrumLine, SpectrumPanel};
+use mesophyll_report::spectrum::{self, SpectrumPanel};
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -57,7 +59,8 @@ pub struct Args {
     /// R and T, and their errors, are in per cent; --noise stays a share of 1
     #[arg(long)]
     pub(super) percent: bool,
-    /// Draw measured and computed R and T over wavelength into this folder, a picture a leaf; for spectra in long form
+    /// Draw measured and computed R and T over wavelength, and what is left, into this folder, a picture a leaf; for
+    /// spectra in long form
     #[arg(long, value_name = "DIR")]
     pub(super) plots: Option<PathBuf>,
 }
@@ -139,14 +142,6 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         );
     }
     Ok(0)
-}
-
-/// The lit side that a cell names; the upper one where it names none.
-pub(super) fn side(word: Option<&str>) -> std::result::Result<Side, String> {
-    match word.unwrap_or_default() {
-        "" => Ok(Side::Front),
-        word => Side::of_botanical(word).ok_or_else(|| format!("side is {word:?}; expected adaxial or abaxial")),
-    }
 }
 
 /// What is known of a leaf, from the cells of the columns that are `given`.
@@ -325,7 +320,7 @@ fn long(
         [Side::Front, Side::Back].into_iter().for_each(|side| model.prepare(side));
     }
     let n = columns.len();
-    let drawn: Mutex<HashMap<String, Vec<SpectrumPanel>>> = Mutex::default();
+    let drawn = DrawnLeaves::default();
     let tally = groups.run_into(sink, &spec, |leaf, rows, left| {
         let mut readings: Vec<FoliarReading> = Vec::new();
         for row in rows {
@@ -356,38 +351,34 @@ fn long(
         let answer = model.fit(&readings, &known);
         if args.plots.is_some() && !answer.values.is_empty() {
             let computed = model.computed(&readings, &known, &answer.values);
-            let panels = [false, true].map(|through| panel(leaf, through, &readings, &computed, &lights));
-            drawn.lock().unwrap_or_else(PoisonError::into_inner).insert(leaf.to_string(), panels.to_vec());
+            let of = |(r, computed): (&FoliarReading, &f64)| PlottedReading {
+                wavelength: lights[r.light].0,
+                below: lights[r.light].1 == Side::Back,
+                through: r.through,
+                value: r.value,
+                err: r.err,
+                computed: *computed,
+            };
+            let shown: Vec<PlottedReading> = readings.iter().zip(&computed).map(of).collect();
+            let panels = foliar_plots::panels(leaf, &shown);
+            drawn.lock().unwrap_or_else(PoisonError::into_inner).insert(leaf.to_string(), panels);
         }
         answer
     })?;
-    if let Some(folder) = &args.plots {
-        let mut drawn = drawn.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let leaves: Vec<_> = groups.names().filter_map(|name| drawn.remove_entry(name)).collect();
-        let files = spectrum::pictures(folder, &leaves)?;
-        progress::say(format!("{} in {}", counted(files.len(), "picture"), folder.display()));
-    }
+    draw(args, groups.names(), drawn)?;
     Ok((tally, stated))
 }
 
-/// R or T over wavelength, as measured and as computed for the fitted leaf.
-fn panel(
-    leaf: &str,
-    through: bool,
-    readings: &[FoliarReading],
-    computed: &[f64],
-    lights: &[(f64, Side)],
-) -> SpectrumPanel {
-    let word = if through { "transmittance" } else { "reflectance" };
-    let of = |value: &dyn Fn(usize) -> [f64; 2]| -> Vec<[f64; 3]> {
-        let shown = readings.iter().enumerate().filter(|(_, r)| r.through == through);
-        shown.map(|(k, r)| [lights[r.light].0, value(k)[0], value(k)[1]]).collect()
-    };
-    let measured = of(&|k| [readings[k].value, readings[k].err]);
-    let lines = vec![
-        SpectrumLine { name: "measured".into(), points: measured, dots: true },
-        SpectrumLine { name: "fitted".into(), points: of(&|k| [computed[k], f64::NAN]), dots: false },
-    ];
-    let across = spectrum::WAVELENGTH.into();
-    SpectrumPanel { title: format!("{leaf}: {word}"), across, axis: word.into(), logarithmic: false, lines }
+/// Panels of leaves, by their names.
+pub(super) type DrawnLeaves = Mutex<HashMap<String, Vec<SpectrumPanel>>>;
+
+/// Draws what `--plots` asks for, in the order of the leaves.
+pub(super) fn draw<'a>(args: &Args, names: impl Iterator<Item = &'a str>, drawn: DrawnLeaves) -> Result<()> {
+    if let Some(folder) = &args.plots {
+        let mut drawn = drawn.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let leaves: Vec<_> = names.filter_map(|name| drawn.remove_entry(name)).collect();
+        let files = spectrum::pictures(folder, &leaves)?;
+        progress::say(format!("{} in {}", counted(files.len(), "picture"), folder.display()));
+    }
+    Ok(())
 }

@@ -1,15 +1,18 @@
 //! `mesophyll fit foliar` where `--pigments` names coefficients of `fit coefficients`: the contents of real leaves.
 
-use super::foliar::{Args, asked_of, impossible, noise_is_stated, side};
+use super::foliar::{Args, DrawnLeaves, asked_of, draw, impossible, noise_is_stated};
+use super::foliar_plots::{self, PlottedReading};
 use crate::cli::{CommonArgs, batch};
 use crate::cli::{Error, Result};
-use mesophyll_files::progress;
 use mesophyll_files::spectra::{self, ReadingUnit, SpectrumColumn};
 use mesophyll_files::table::{Batch, GroupRow, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, counted};
+use mesophyll_files::{atomic, progress};
 use mesophyll_fits::plates::leaf::PlateReading;
+use mesophyll_fits::plates::reading::side;
 use mesophyll_fits::plates::{PlateCoefficients, PlateFitModel, table};
 use mesophyll_optics::side::Side;
 use std::path::Path;
+use std::sync::PoisonError;
 
 const TAKES: &str = "fit foliar takes R and T with a wavelength in nm, such as R450, T450, or spectra in long form: \
                      leaf, wavelength_nm, R, T";
@@ -38,8 +41,9 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     Ok(0)
 }
 
-/// Why a leaf lit from below cannot be answered.
-const BELOW: &str = "a leaf lit from below; the coefficients describe leaves lit from above";
+/// Why a leaf lit only from below cannot be answered.
+const BELOW: &str = "a leaf lit from below, and none lit from above; the coefficients describe leaves lit from above, \
+                     and a lower side only beside the upper one";
 
 /// A model for the wavelengths of a table, and the wavelengths that it has.
 fn model(args: &Args, coefficients: &PlateCoefficients, mut all: Vec<f64>) -> (PlateFitModel, Vec<f64>) {
@@ -68,13 +72,30 @@ fn within(name: &Path, coefficients: &PlateCoefficients, all: &[f64]) -> Result<
     Ok(())
 }
 
-/// One leaf from its readings with their wavelengths, in any order.
-fn answer(model: &PlateFitModel, wavelengths: &[f64], mut readings: Vec<(f64, PlateReading)>) -> OutputRow {
+/// One leaf from its readings with their wavelengths, in any order, and the readings with what was computed.
+fn answer(
+    model: &PlateFitModel,
+    wavelengths: &[f64],
+    mut readings: Vec<(f64, PlateReading)>,
+) -> (OutputRow, Vec<PlottedReading>) {
+    if !readings.is_empty() && readings.iter().all(|(_, r)| r.below) {
+        return (OutputRow::refused(format!("no reading can be used: {BELOW}")), Vec::new());
+    }
     for (at, r) in &mut readings {
         r.light = wavelengths.partition_point(|w| *w < *at);
     }
-    readings.sort_by_key(|(_, r)| (r.light, r.through));
-    model.fit(&readings.into_iter().map(|(_, r)| r).collect::<Vec<_>>())
+    readings.sort_by_key(|(_, r)| (r.light, r.below, r.through));
+    let (row, computed) = model.fit_with_spectra(&readings.iter().map(|(_, r)| *r).collect::<Vec<_>>());
+    let of = |((wavelength, r), computed): (&(f64, PlateReading), f64)| PlottedReading {
+        wavelength: *wavelength,
+        below: r.below,
+        through: r.through,
+        value: r.value,
+        err: r.err,
+        computed,
+    };
+    let shown = readings.iter().zip(computed).map(of).collect();
+    (row, shown)
 }
 
 /// One row for each leaf. Also returns whether the noise is stated.
@@ -85,7 +106,7 @@ fn wide(
     coefficients: &PlateCoefficients,
 ) -> Result<(RowTally, bool)> {
     if args.plots.is_some() {
-        return Err(Error::Usage("--plots draws spectra of the layered leaf in long form".into()));
+        return Err(Error::Usage("--plots draws spectra in long form; expected a column wavelength_nm".into()));
     }
     let found = spectra::wide(&input);
     if found.readings.is_empty() {
@@ -118,17 +139,17 @@ fn wide(
             if value.is_nan() || row.faults().any(|(place, _)| place == n + k) {
                 continue;
             }
+            let below = c.side.unwrap_or(lit) == Side::Back;
             match impossible(c, value) {
-                _ if c.side.unwrap_or(lit) == Side::Back => bad.push(format!("{} is of {BELOW}", c.name)),
                 Some(why) => bad.push(why),
-                None => readings.push((c.wavelength, PlateReading { light: 0, through: c.through, value, err })),
+                None => readings.push((c.wavelength, PlateReading { light: 0, below, through: c.through, value, err })),
             }
         }
         if let (true, Some(why)) = (readings.is_empty(), bad.first()) {
             return out.push(OutputRow::refused(format!("no reading can be used: {why}")));
         }
         bad.into_iter().for_each(|why| left.add(row.line(), why));
-        out.push(answer(&model, &wavelengths, readings));
+        out.push(answer(&model, &wavelengths, readings).0);
     })?;
     left.say(&name);
     Ok((tally, stated))
@@ -142,9 +163,6 @@ fn long(
     form: &spectra::LongSpectra,
     coefficients: &PlateCoefficients,
 ) -> Result<(RowTally, bool)> {
-    if args.plots.is_some() {
-        return Err(Error::Usage("--plots draws spectra of the layered leaf".into()));
-    }
     let (columns, name) = (&form.readings, input.name().to_path_buf());
     if columns.is_empty() {
         let what = format!("no columns of readings; expected R or T beside {}", form.wavelength);
@@ -164,8 +182,12 @@ fn long(
     within(&name, coefficients, &all)?;
     all.retain(|w| (low..=high).contains(w));
     let (model, wavelengths) = model(args, coefficients, all);
+    if let Some(folder) = &args.plots {
+        atomic::probe_folder(folder)?;
+    }
     let n = columns.len();
-    let tally = groups.run_into(sink, &spec, |_, rows, left| {
+    let drawn = DrawnLeaves::default();
+    let tally = groups.run_into(sink, &spec, |leaf, rows, left| {
         let (mut readings, mut bad): (Vec<(f64, PlateReading)>, Option<String>) = Default::default();
         for row in rows {
             let lit = match side(row.texts[0].as_deref()) {
@@ -180,16 +202,13 @@ fn long(
                 if value.is_nan() || !(low..=high).contains(&at(row)) {
                     continue;
                 }
-                let why = match c.side.unwrap_or(lit) {
-                    Side::Back => Some(format!("{} is of {BELOW}", c.name)),
-                    Side::Front => impossible(c, value),
-                };
-                match why {
+                let below = c.side.unwrap_or(lit) == Side::Back;
+                match impossible(c, value) {
                     Some(why) => {
                         left.add(row.line, why.clone());
                         bad.get_or_insert(why);
                     }
-                    None => readings.push((at(row), PlateReading { light: 0, through: c.through, value, err })),
+                    None => readings.push((at(row), PlateReading { light: 0, below, through: c.through, value, err })),
                 }
             }
         }
@@ -198,8 +217,16 @@ fn long(
         }
         match bad.filter(|_| readings.is_empty()) {
             Some(why) => OutputRow::refused(format!("no reading can be used: {why}")),
-            None => answer(&model, &wavelengths, readings),
+            None => {
+                let (row, shown) = answer(&model, &wavelengths, readings);
+                if args.plots.is_some() && !shown.is_empty() {
+                    let panels = foliar_plots::panels(leaf, &shown);
+                    drawn.lock().unwrap_or_else(PoisonError::into_inner).insert(leaf.to_string(), panels);
+                }
+                row
+            }
         }
     })?;
+    draw(args, groups.names(), drawn)?;
     Ok((tally, stated))
 }

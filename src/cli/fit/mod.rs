@@ -14,6 +14,7 @@ pub mod beam;
 pub mod coefficients;
 pub mod foliar;
 mod foliar_plates;
+mod foliar_plots;
 pub mod gloss;
 pub mod grass;
 pub mod leaf;

@@ -22,9 +22,9 @@ const BLACK: f64 = 40.0;
 /// How finely the exact method is solved at the nodes: better than 2e-5, which is less than the error of interpolation.
 const RESOLUTION: Resolution = Resolution { order: 10, piece: 9, azimuth: 12 };
 
-/// The same where the indices of cuticle and mesophyll differ by less than [`CLOSE`], or the wall's is above one of them
-/// by less: light of few angles is totally reflected between them, and coarser nodes miss it by up to 1e-4 where lobes
-/// are narrow.
+/// The same where the indices of cuticle and mesophyll differ by less than [`CLOSE`], or the wall's is above one of
+/// them by less: light of few angles is totally reflected between them, and coarser nodes miss it by up to 1e-4 where
+/// lobes are narrow.
 const FINER: Resolution = Resolution { order: 14, piece: 11, azimuth: 14 };
 const CLOSE: f64 = 0.005;
 

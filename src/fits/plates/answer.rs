@@ -1,9 +1,10 @@
 //! The contents of a leaf, with errors that hold what the model is off by.
 
-use super::leaf::{PlateClue, PlateLight, PlateReading, descend};
+use super::leaf::{PlateClue, PlateLight, PlateReading, PlateSides, computed, descend};
 use super::misfit::{LeafMisfit, PlateMisfit};
 use super::training::companion;
-use super::{CONTENTS, FREE, PlateCoefficients, PlatePopulation, UPPER, USUAL};
+use super::{CONTENTS, FREE, GLOSS, GLOSS_BELOW, LEAN, LOWER, MOST_LEAN, PlateCoefficients, PlatePopulation};
+use super::{SIDED, UPPER, USUAL};
 use mesophyll_files::table::{OutputRow, Status};
 use nalgebra::DMatrix;
 
@@ -22,6 +23,9 @@ const NO_LEAF: f64 = 5.0;
 const NINETY_FIVE: f64 = 1.96;
 /// The model's error is a share of the content, or of this part of the usual one where there is little.
 const LITTLE: f64 = 0.2;
+
+/// A leaf's lean is taken to be within this of none (one standard deviation).
+const LEANING: f64 = 0.5;
 
 /// How leaves are fitted: everything that they share.
 pub struct PlateFitModel {
@@ -42,6 +46,20 @@ pub(super) struct PlateAnswer {
     pub errors: [f64; 4],
     /// Root mean square of measured less computed.
     pub rms: f64,
+    /// What was computed for each reading.
+    pub computed: Vec<f64>,
+}
+
+/// What is known of any leaf, where descents begin, and the least and the most of each number.
+struct PlateSearch<const N: usize> {
+    clues: Vec<PlateClue<N>>,
+    start: [f64; N],
+    bounds: [[f64; N]; 2],
+}
+
+/// The numbers of a leaf followed by those of its lower side.
+fn sided(leaf: &[f64; FREE], below: [f64; 2]) -> [f64; SIDED] {
+    std::array::from_fn(|k| if k < FREE { leaf[k] } else { below[k - FREE] })
 }
 
 /// What the model is off by in a content, for the share `off`.
@@ -85,10 +103,25 @@ impl PlateFitModel {
         names().chain(names().map(|n| n + "_err")).chain(["rms".to_string()]).collect()
     }
 
-    /// What is known of any leaf.
-    fn clues(&self) -> Vec<PlateClue> {
+    /// A leaf lit from above.
+    fn search(&self) -> PlateSearch<FREE> {
         let wide = |k: usize| PlateClue::of(k, self.population.mean[k], WIDE * self.population.spread[k]);
-        (0..FREE).map(wide).chain([companion(self.population.ratio)]).collect()
+        let clues = (0..FREE).map(wide).chain([companion(self.population.ratio)]).collect();
+        PlateSearch { clues, start: self.population.mean, bounds: [LOWER, UPPER] }
+    }
+
+    /// A leaf lit from both sides.
+    fn sided_search(&self) -> PlateSearch<SIDED> {
+        let PlateSearch { clues, start, bounds: [lower, upper] } = self.search();
+        let PlatePopulation { mean, spread, .. } = &self.population;
+        let wider = |c: PlateClue| PlateClue { weights: sided(&c.weights, [0.0; 2]), target: c.target, sigma: c.sigma };
+        let below = PlateClue::of(GLOSS_BELOW, mean[GLOSS], WIDE * spread[GLOSS]);
+        let lean = PlateClue::of(LEAN, 0.0, LEANING);
+        PlateSearch {
+            clues: clues.into_iter().map(wider).chain([below, lean]).collect(),
+            start: sided(&start, [mean[GLOSS], 0.0]),
+            bounds: [sided(&lower, [lower[GLOSS], -MOST_LEAN]), sided(&upper, [upper[GLOSS], MOST_LEAN])],
+        }
     }
 
     fn leaf_misfit<'a>(&'a self, readings: &'a [PlateReading]) -> LeafMisfit<'a> {
@@ -97,22 +130,37 @@ impl PlateFitModel {
 
     /// Fits one leaf; `None` where nothing was found.
     pub(super) fn found(&self, readings: &[PlateReading]) -> Option<PlateAnswer> {
+        if readings.iter().any(|r| r.below) {
+            let respond = |light: usize, leaf: &[f64; SIDED]| self.lights[light].both(leaf);
+            return self.best(readings, &respond, &self.sided_search());
+        }
+        let respond = |light: usize, leaf: &[f64; FREE]| [self.lights[light].response(leaf); 2];
+        self.best(readings, &respond, &self.search())
+    }
+
+    fn best<const N: usize>(
+        &self,
+        readings: &[PlateReading],
+        respond: &dyn Fn(usize, &[f64; N]) -> PlateSides<N>,
+        search: &PlateSearch<N>,
+    ) -> Option<PlateAnswer> {
         let local = self.leaf_misfit(readings);
-        let (weight, clues) = (local.weight(), self.clues());
-        let from = |start: &[f64; FREE]| {
-            let fit = descend(&self.lights, readings, weight, &clues, start, STEPS);
+        let weight = local.weight();
+        let PlateSearch { clues, start, bounds } = search;
+        let from = |start: &[f64; N]| {
+            let fit = descend(respond, readings, weight, clues, *bounds, start, STEPS);
             let sound = fit.params.iter().all(|x| x.is_finite());
-            sound.then(|| (fit.cost, std::array::from_fn::<f64, FREE, _>(|k| fit.params[k])))
+            sound.then(|| (fit.cost, std::array::from_fn::<f64, N, _>(|k| fit.params[k])))
         };
-        let left = |leaf: &[f64; FREE]| {
-            let square =
-                |r: &PlateReading| (self.lights[r.light].values(leaf)[usize::from(r.through)] - r.value).powi(2);
-            (readings.iter().map(square).sum::<f64>() / readings.len() as f64).sqrt()
+        let left = |leaf: &[f64; N]| {
+            let values = computed(respond, readings, leaf);
+            let square = |(v, r): (&(f64, [f64; N]), &PlateReading)| (v.0 - r.value).powi(2);
+            (values.iter().zip(readings).map(square).sum::<f64>() / readings.len() as f64).sqrt()
         };
-        let mut best = from(&self.population.mean);
+        let mut best = from(start);
         if best.is_none_or(|b| left(&b.1) > POOR * self.population.rms) {
             for share in OTHERS {
-                let mut start = self.population.mean;
+                let mut start = *start;
                 start[..4].iter_mut().for_each(|c| *c *= share);
                 let other = from(&start);
                 if other.is_some_and(|o| best.is_none_or(|b| o.0 < b.0)) {
@@ -122,20 +170,19 @@ impl PlateFitModel {
         }
         let (_, leaf) = best?;
         let rms = left(&leaf);
-        let jacobian: Vec<[f64; FREE]> =
-            readings.iter().map(|r| self.lights[r.light].response(&leaf)[usize::from(r.through)].1).collect();
-        let mut known = DMatrix::zeros(FREE, FREE);
-        for c in &clues {
-            for i in 0..FREE {
-                for j in 0..FREE {
+        let (values, jacobian): (Vec<f64>, Vec<[f64; N]>) = computed(respond, readings, &leaf).into_iter().unzip();
+        let mut known = DMatrix::zeros(N, N);
+        for c in clues {
+            for i in 0..N {
+                for j in 0..N {
                     known[(i, j)] += c.weights[i] * c.weights[j] / (c.sigma * c.sigma);
                 }
             }
         }
         let mut hessian = known.clone();
         for by in &jacobian {
-            for i in 0..FREE {
-                for j in 0..FREE {
+            for i in 0..N {
+                for j in 0..N {
                     hessian[(i, j)] += by[i] * by[j] / (weight * weight);
                 }
             }
@@ -146,10 +193,11 @@ impl PlateFitModel {
         let inverse = hessian.cholesky()?.inverse();
         let covariance = &inverse * between * &inverse;
         Some(PlateAnswer {
-            leaf,
+            leaf: std::array::from_fn(|k| leaf[k]),
             contents: std::array::from_fn(|k| leaf[k] * USUAL[k]),
             errors: std::array::from_fn(|k| covariance[(k, k)].max(0.0).sqrt() * USUAL[k]),
             rms,
+            computed: values,
         })
     }
 
@@ -162,12 +210,24 @@ impl PlateFitModel {
         self.lights.iter().zip(spectra).map(of).collect()
     }
 
-    /// Fits one leaf and says what was found as the row of a batch. Readings are in the order of their lights.
+    /// Fits one leaf and says what was found as the row of a batch. Readings are in the order of their lights, and of
+    /// a leaf lit from below also some from above.
     pub fn fit(&self, readings: &[PlateReading]) -> OutputRow {
+        self.fit_with_spectra(readings).0
+    }
+
+    /// The same, with what was computed for each reading; nothing where there is no answer.
+    pub fn fit_with_spectra(&self, readings: &[PlateReading]) -> (OutputRow, Vec<f64>) {
         if readings.is_empty() {
-            return OutputRow::refused("no reading");
+            return (OutputRow::refused("no reading"), Vec::new());
         }
-        let Some(found) = self.found(readings) else { return OutputRow::refused("the fit did not converge") };
+        match self.found(readings) {
+            Some(found) => (self.row(&found), found.computed),
+            None => (OutputRow::refused("the fit did not converge"), Vec::new()),
+        }
+    }
+
+    fn row(&self, found: &PlateAnswer) -> OutputRow {
         let errors: [f64; 4] = std::array::from_fn(|k| {
             let off = off_by(self.population.off[k], k, found.contents[k], &self.population);
             found.errors[k].hypot(off)

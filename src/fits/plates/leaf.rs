@@ -1,6 +1,6 @@
 //! One leaf: its seven numbers from its readings, where the coefficients are known.
 
-use super::{FREE, GLOSS, LOWER, PLATES, PlatePoint, UPPER};
+use super::{FREE, GLOSS, GLOSS_BELOW, LEAN, PLATES, PlatePoint, SIDED};
 use mesophyll_base::solvers::{ClosureProblem, Fit, Options as Solver, Problem, ResidualNoise, lm};
 use mesophyll_optics::plates::PlateIndex;
 use std::cell::RefCell;
@@ -35,6 +35,23 @@ impl PlateLight {
         self.index.values(depth, crossings, leaf[GLOSS])
     }
 
+    /// R and T of both sides of a leaf with derivatives.
+    pub fn both(&self, leaf: &[f64; SIDED]) -> [[(f64, [f64; SIDED]); 2]; 2] {
+        let depth: f64 = self.point.specific.iter().zip(leaf).map(|(k, c)| k * c).sum();
+        let crossings = 1.0 + leaf[PLATES] * self.point.growth;
+        let of = |(value, [depth, plates, above, below, lean]): (f64, [f64; 5])| {
+            let mut by = [0.0; SIDED];
+            for (by, k) in by.iter_mut().zip(self.point.specific) {
+                *by = k * depth;
+            }
+            by[PLATES] = self.point.growth * plates;
+            [by[GLOSS], by[GLOSS_BELOW], by[LEAN]] = [above, below, lean];
+            (value, by)
+        };
+        let gloss = [leaf[GLOSS], leaf[GLOSS_BELOW]];
+        self.index.sides(depth, crossings, gloss, leaf[LEAN]).map(|side| side.map(of))
+    }
+
     /// R and T of a leaf with derivatives.
     pub fn response(&self, leaf: &[f64; FREE]) -> PlateResponse {
         let (depth, crossings) = self.state(leaf);
@@ -55,6 +72,8 @@ impl PlateLight {
 pub struct PlateReading {
     /// Which of the lights; readings are in the order of their lights.
     pub light: usize,
+    /// Whether the leaf was lit from below.
+    pub below: bool,
     /// Whether it is a transmittance.
     pub through: bool,
     /// The share of light that was measured.
@@ -65,19 +84,19 @@ pub struct PlateReading {
 
 /// Something known of a leaf beside its readings: Σ weight · number = target ± sigma.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlateClue {
+pub struct PlateClue<const N: usize = FREE> {
     /// A weight for each number of the leaf.
-    pub weights: [f64; FREE],
+    pub weights: [f64; N],
     /// What the sum is.
     pub target: f64,
     /// How sure that is.
     pub sigma: f64,
 }
 
-impl PlateClue {
+impl<const N: usize> PlateClue<N> {
     /// One number of the leaf is known.
-    pub fn of(k: usize, target: f64, sigma: f64) -> PlateClue {
-        let mut weights = [0.0; FREE];
+    pub fn of(k: usize, target: f64, sigma: f64) -> PlateClue<N> {
+        let mut weights = [0.0; N];
         weights[k] = 1.0;
         PlateClue { weights, target, sigma }
     }
@@ -88,46 +107,61 @@ impl PlateClue {
     }
 }
 
-/// What was computed last: the solver asks for residuals and derivatives at the same numbers.
-type Computed = RefCell<(Vec<f64>, Vec<PlateResponse>)>;
+/// R and T of a leaf at one of the lights, lit from above and from below, with their derivatives by its `N` numbers.
+pub type PlateSides<const N: usize> = [[(f64, [f64; N]); 2]; 2];
 
-/// Descends from `start`. `sigma` is the weight of a reading: the same for all.
-pub fn descend(
-    lights: &[PlateLight],
+/// What was computed last: the solver asks for residuals and derivatives at the same numbers.
+type Computed<const N: usize> = RefCell<(Vec<f64>, Vec<(f64, [f64; N])>)>;
+
+/// What each reading would be of a leaf, with derivatives. Readings are in the order of their lights.
+pub fn computed<const N: usize>(
+    respond: &dyn Fn(usize, &[f64; N]) -> PlateSides<N>,
+    readings: &[PlateReading],
+    leaf: &[f64; N],
+) -> Vec<(f64, [f64; N])> {
+    let mut last: Option<(usize, PlateSides<N>)> = None;
+    let of = |r: &PlateReading| {
+        let sides = match last.filter(|l| l.0 == r.light) {
+            Some((_, sides)) => sides,
+            None => respond(r.light, leaf),
+        };
+        last = Some((r.light, sides));
+        sides[usize::from(r.below)][usize::from(r.through)]
+    };
+    readings.iter().map(of).collect()
+}
+
+/// Descends from `start`. `sigma` is the weight of a reading: the same for all. `bounds` are the least and the most of
+/// each number.
+pub fn descend<const N: usize>(
+    respond: &dyn Fn(usize, &[f64; N]) -> PlateSides<N>,
     readings: &[PlateReading],
     sigma: f64,
-    clues: &[PlateClue],
-    start: &[f64; FREE],
+    clues: &[PlateClue<N>],
+    bounds: [[f64; N]; 2],
+    start: &[f64; N],
     iterations: usize,
 ) -> Fit {
     let m = readings.len() + clues.len();
-    let last: Computed = RefCell::default();
+    let last: Computed<N> = RefCell::default();
     let update = |params: &[f64]| {
         let mut last = last.borrow_mut();
         if last.0 != params {
-            let leaf: [f64; FREE] = std::array::from_fn(|k| params[k]);
-            let mut values: Vec<PlateResponse> = Vec::with_capacity(readings.len());
-            for (k, r) in readings.iter().enumerate() {
-                let again = k > 0 && readings[k - 1].light == r.light;
-                values.push(if again { values[k - 1] } else { lights[r.light].response(&leaf) });
-            }
-            *last = (params.to_vec(), values);
+            *last = (params.to_vec(), computed(respond, readings, &std::array::from_fn(|k| params[k])));
         }
     };
-    let problem = ClosureProblem::new(FREE, m, |params: &[f64], out: &mut [f64]| {
+    let problem = ClosureProblem::new(N, m, |params: &[f64], out: &mut [f64]| {
         update(params);
-        let values = &last.borrow().1;
-        for (k, r) in readings.iter().enumerate() {
-            out[k] = (values[k][usize::from(r.through)].0 - r.value) / sigma;
+        for ((r, value), out) in readings.iter().zip(&last.borrow().1).zip(out.iter_mut()) {
+            *out = (value.0 - r.value) / sigma;
         }
         clues.iter().zip(&mut out[readings.len()..]).for_each(|(c, out)| *out = c.residual(params));
     })
     .with_jacobian(|params: &[f64], out: &mut [f64]| {
         update(params);
-        let values = &last.borrow().1;
-        for j in 0..FREE {
-            for (k, r) in readings.iter().enumerate() {
-                out[j * m + k] = values[k][usize::from(r.through)].1[j] / sigma;
+        for j in 0..N {
+            for (value, out) in last.borrow().1.iter().zip(&mut out[j * m..]) {
+                *out = value.1[j] / sigma;
             }
             for (k, c) in clues.iter().enumerate() {
                 out[j * m + readings.len() + k] = c.weights[j] / c.sigma;
@@ -135,8 +169,8 @@ pub fn descend(
         }
     });
     let options = Solver {
-        lower: LOWER.to_vec(),
-        upper: UPPER.to_vec(),
+        lower: bounds[0].to_vec(),
+        upper: bounds[1].to_vec(),
         max_iterations: iterations,
         gradient_tolerance: 1e-7,
         cost_tolerance: 1e-9,

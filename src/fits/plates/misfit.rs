@@ -1,7 +1,6 @@
 //! What the model leaves of leaves that it has not seen: a covariance over wavelength, of a long-range part (modes) and
 //! a short-range part, which falls exponentially.
 
-use super::FREE;
 use super::leaf::PlateReading;
 use mesophyll_base::solvers::decomposition::symmetric_eigen;
 use mesophyll_base::statistics::median_of;
@@ -78,7 +77,8 @@ pub(super) fn estimate(wavelengths: &[f64], left: &[Vec<[f64; 2]>]) -> PlateMisf
     }
 }
 
-/// The covariance at the readings of one leaf.
+/// The covariance at the readings of one leaf. What the model is off by is taken to be the same from both sides, so
+/// that a second side adds nothing that is only a repetition.
 pub(super) struct LeafMisfit<'a> {
     /// Wavelengths of all lights, ascending.
     pub wavelengths: &'a [f64],
@@ -151,10 +151,10 @@ impl LeafMisfit<'_> {
     }
 
     /// Jᵀ Σ J for the derivatives of the readings. What the model leaves counts `scale` times.
-    pub fn between(&self, jacobian: &[[f64; FREE]], scale: f64) -> DMatrix<f64> {
-        let mut sum = DMatrix::zeros(FREE, FREE);
+    pub fn between<const N: usize>(&self, jacobian: &[[f64; N]], scale: f64) -> DMatrix<f64> {
+        let mut sum = DMatrix::zeros(N, N);
         for k in 0..self.misfit.modes.len() {
-            let mut along = [0.0; FREE];
+            let mut along = [0.0; N];
             for (r, by) in self.readings.iter().zip(jacobian) {
                 let mode = self.mode(k, r);
                 along.iter_mut().zip(by).for_each(|(a, by)| *a += mode * by);
@@ -162,7 +162,7 @@ impl LeafMisfit<'_> {
             add(&mut sum, &along, &along, scale);
         }
         for through in [false, true] {
-            let (mut before, mut last) = ([0.0; FREE], f64::NAN);
+            let (mut before, mut last) = ([0.0; N], f64::NAN);
             for (r, by) in self.readings.iter().zip(jacobian).filter(|(r, _)| r.through == through) {
                 let at = self.wavelengths[r.light];
                 let fall = if last.is_nan() { 0.0 } else { (-(at - last) / self.misfit.reach).exp() };
@@ -180,9 +180,9 @@ impl LeafMisfit<'_> {
     }
 }
 
-fn add(sum: &mut DMatrix<f64>, a: &[f64; FREE], b: &[f64; FREE], scale: f64) {
-    for i in 0..FREE {
-        for j in 0..FREE {
+fn add<const N: usize>(sum: &mut DMatrix<f64>, a: &[f64; N], b: &[f64; N], scale: f64) {
+    for i in 0..N {
+        for j in 0..N {
             sum[(i, j)] += scale * a[i] * b[j];
         }
     }
@@ -190,6 +190,7 @@ fn add(sum: &mut DMatrix<f64>, a: &[f64; FREE], b: &[f64; FREE], scale: f64) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::FREE;
     use super::*;
 
     /// The sums that go along the wavelengths are those of the whole matrix.
@@ -202,7 +203,8 @@ mod tests {
             short: vec![[0.01, 0.02], [0.03, 0.01], [0.02, 0.02], [0.01, 0.03]],
             reach: 25.0,
         };
-        let reading = |light: usize, through: bool, err: f64| PlateReading { light, through, value: 0.0, err };
+        let reading =
+            |light: usize, through: bool, err: f64| PlateReading { light, below: false, through, value: 0.0, err };
         let readings = [
             reading(0, false, f64::NAN),
             reading(0, true, 0.02),

@@ -12,6 +12,7 @@ pub mod calibration;
 mod joint_step;
 pub mod leaf;
 pub mod misfit;
+pub mod reading;
 mod spectral_step;
 pub mod table;
 #[cfg(test)]
@@ -46,6 +47,16 @@ pub const GLOSS: usize = 6;
 pub const LOWER: [f64; FREE] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0];
 /// See [`LOWER`].
 pub const UPPER: [f64; FREE] = [8.0, 12.0, 50.0, 16.0, 50.0, 9.0, 6.0];
+
+/// The free numbers of a leaf that is lit from both sides: the same, the gloss of its lower side, and how much more of
+/// what it absorbs lies in its upper half.
+pub const SIDED: usize = FREE + 2;
+/// Where the two further numbers stand.
+pub const GLOSS_BELOW: usize = 7;
+/// See [`GLOSS_BELOW`]; 0 is as much above as below, 1 is all above.
+pub const LEAN: usize = 8;
+/// The most of a lean.
+pub const MOST_LEAN: f64 = 0.95;
 
 /// The constants of one wavelength.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -212,6 +212,69 @@ fn fewer_readings_have_larger_errors_that_hold() {
     }
 }
 
+/// A leaf of two plates over two others, lit from the side of the first: plates added one after the other.
+fn layered(depth: f64, gloss: f64, lean: f64, n: f64) -> [f64; 2] {
+    let enter = entering(std::f64::consts::FRAC_PI_2, n);
+    let plate = |k: f64| {
+        let through: f64 = quadrature::unit(120).into_iter().map(|(mu, w)| 2.0 * w * mu * (-k / mu).exp()).sum();
+        let out = enter / (n * n);
+        let t = enter * through * out / (1.0 - (1.0 - out).powi(2) * through * through);
+        [1.0 - enter + (1.0 - out) * through * t, t]
+    };
+    // From the far end towards the light: what is below counts as one reflectance and transmittance.
+    let (upper, lower) = (plate(0.25 * depth * (1.0 + lean)), plate(0.25 * depth * (1.0 - lean)));
+    let over = |[r, t]: [f64; 2], [below_r, below_t]: [f64; 2]| {
+        let echo = 1.0 / (1.0 - r * below_r);
+        [r + t * t * below_r * echo, t * below_t * echo]
+    };
+    let [r, t] = over(upper, over(upper, over(lower, lower)));
+    let mirrored = gloss * (1.0 - entering(40f64.to_radians(), n));
+    [mirrored + (r - (1.0 - enter)) * (1.0 - mirrored) / enter, t * (1.0 - mirrored) / enter]
+}
+
+/// Leaves whose upper half absorbs more: with readings of both sides they are one leaf, whose contents are found.
+#[test]
+fn both_sides_are_one_leaf() {
+    let mut rng = Pcg64::seed_from_u64(9);
+    let mut uniform = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+    let (model, wavelengths) = (model(), wavelengths());
+    let (mut held, mut count, mut off) = (0, 0, [0.0; 2]);
+    for _ in 0..12 {
+        let contents = [uniform(0.5, 1.6), 0.0, uniform(0.6, 1.6), uniform(0.6, 1.5), uniform(0.5, 1.5)];
+        let contents = [contents[0], contents[0] * uniform(0.8, 1.2), contents[2], contents[3], contents[4]];
+        let (lean, gloss) = (uniform(0.2, 0.6), [uniform(0.8, 1.2), uniform(0.8, 1.4)]);
+        let mut readings: Vec<PlateReading> = Vec::new();
+        for (light, w) in wavelengths.iter().enumerate() {
+            let (specific, n) = truth(*w);
+            let depth: f64 = specific.iter().zip(contents).map(|(k, c)| k * c).sum();
+            for (below, lean) in [(false, lean), (true, -lean)] {
+                let values = layered(depth, gloss[usize::from(below)], lean, n);
+                readings.extend([false, true].map(|through| PlateReading {
+                    light,
+                    below,
+                    through,
+                    value: values[usize::from(through)] + NOISE * uniform(-1.7, 1.7),
+                    err: f64::NAN,
+                }));
+            }
+        }
+        let both = model.fit(&readings);
+        let one: Vec<PlateReading> = readings.into_iter().filter(|r| !r.below).collect();
+        let one = model.fit(&one);
+        for (k, content) in contents.iter().enumerate().take(4).filter(|(k, _)| *k != 1) {
+            let content = content * USUAL[k];
+            count += 1;
+            held += usize::from((both.values[k] - content).abs() <= 1.96 * both.values[4 + k]);
+            off[0] += (one.values[k] / content).ln().powi(2);
+            off[1] += (both.values[k] / content).ln().powi(2);
+        }
+        assert!(both.values[8] < 2.5 * NOISE, "{both:?}");
+    }
+    assert!(held as f64 >= 0.85 * f64::from(count), "{held} of {count}");
+    // From above alone, a leaf that leans looks as if it absorbed more.
+    assert!(off[1] < 0.7 * off[0], "{off:?}");
+}
+
 #[test]
 fn what_is_no_leaf_is_never_ok() {
     let mut odd = OTHERS.examples[0].clone();

@@ -5,7 +5,7 @@ use super::calibration;
 use super::joint_step::JointStep;
 use super::leaf::{PlateClue, PlateLight, PlateReading, descend};
 use super::spectral_step::{SpectralGuard, SpectralStep, usual_index};
-use super::{CONTENTS, FREE, PLATES, PlateCoefficients, PlatePoint, PlatePopulation, REACH, USUAL};
+use super::{CONTENTS, FREE, LOWER, PLATES, PlateCoefficients, PlatePoint, PlatePopulation, REACH, UPPER, USUAL};
 use mesophyll_base::solvers::Fit;
 use mesophyll_files::progress;
 use rayon::prelude::*;
@@ -119,9 +119,9 @@ fn guess(wavelength: f64) -> PlatePoint {
 pub(super) const START: [f64; FREE] = [1.0, 1.0, 1.0, 1.0, 0.1, 0.6, 1.0];
 
 /// The readings of a leaf, without those that are missing.
-pub(super) fn readings(example: &PlateExample) -> Vec<PlateReading> {
+pub fn readings(example: &PlateExample) -> Vec<PlateReading> {
     let of = |(light, pair): (usize, &[f64; 2])| {
-        let of = |k: usize| PlateReading { light, through: k == 1, value: pair[k], err: f64::NAN };
+        let of = |k: usize| PlateReading { light, below: false, through: k == 1, value: pair[k], err: f64::NAN };
         [of(0), of(1)]
     };
     example.spectra.iter().enumerate().flat_map(of).filter(|r| !r.value.is_nan()).collect()
@@ -205,7 +205,9 @@ impl<'a> PlateTable<'a> {
             .into_par_iter()
             .map(|k| {
                 let clues = clues(self.examples[k], &self.typical, self.ratio, held);
-                let fit: Fit = descend(&lights, &self.readings[k], WEIGHT, &clues, &round.numbers[k], STEPS);
+                let respond = |light: usize, leaf: &[f64; FREE]| [lights[light].response(leaf); 2];
+                let (readings, start) = (&self.readings[k], &round.numbers[k]);
+                let fit: Fit = descend(&respond, readings, WEIGHT, &clues, [LOWER, UPPER], start, STEPS);
                 let sound = fit.params.iter().all(|x| x.is_finite());
                 if sound { std::array::from_fn(|j| fit.params[j]) } else { round.numbers[k] }
             })

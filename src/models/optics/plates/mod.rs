@@ -4,13 +4,14 @@
 //!
 //! A plate lies between two plane interfaces and absorbs. Light inside is diffuse. The first plate is lit within a cone
 //! ([`CONE`]), because a leaf's surface is rough, and its gloss is a number of the leaf: a waxy or hairy leaf reflects
-//! more at its surface than a smooth one. Plates do not know sides: a leaf that is lit from below is another leaf.
+//! more at its surface than a smooth one. Equal plates do not know sides. In [`PlateIndex::sides`] the upper half of
+//! the plates absorbs more than the lower one, as the palisade does, so that one leaf has two sides.
 
 #[cfg(test)]
 mod tests;
 
 use crate::foliar::enter;
-use crate::number::{Dual, Real};
+use crate::number::{Dual, Real, Scalar};
 use crate::slab::expint::{e1, e2};
 use mesophyll_base::quadrature;
 
@@ -101,6 +102,41 @@ impl PlateIndex {
         let leaf =
             StackedLeaf { depth, crossings, gloss, index: self.index, diffuse: self.diffuse[0], cone: self.cone[0] };
         leaf.response()
+    }
+}
+
+/// Reflectance and transmittance of a leaf lit from above, and of the same leaf lit from below, each with its
+/// derivatives by absorption, number of plates, gloss above, gloss below and lean.
+pub type SidedPlates = [[(f64, [f64; 5]); 2]; 2];
+
+impl PlateIndex {
+    /// [`PlateIndex::response`] of both sides of a leaf. Half of the plates lie above the other half, and the share
+    /// (1 + lean)/2 of the absorption lies in the upper half; `lean` is between −1 and 1. Each side has its own gloss.
+    /// Without lean and with one gloss, both sides are those of equal plates.
+    pub fn sides(&self, depth: f64, crossings: f64, gloss: [f64; 2], lean: f64) -> SidedPlates {
+        type Five = Dual<f64, 5>;
+        let [diffuse, mirrored] = [self.diffuse[0], 1.0 - self.cone[0]];
+        let out = Five::of(diffuse / (self.index * self.index));
+        let (one, back_in, back_out) = (Five::of(1.0), Five::of(1.0 - diffuse), Five::of(1.0) - out);
+        let (crossings, lean) = (Five::parameter(crossings, 1), Five::parameter(lean, 4));
+        let each = Five::parameter(depth, 0) / crossings;
+        let half = |share: Five| {
+            let through = transmitted(each * share);
+            let t = through * out.times(diffuse) / (one - back_out * back_out * through * through);
+            stack(back_in + back_out * through * t, t, crossings.times(0.5))
+        };
+        let ([upper_r, upper_t], [lower_r, lower_t]) = (half(one + lean), half(one - lean));
+        let echo = one / (one - upper_r * lower_r);
+        let t = upper_t * lower_t * echo;
+        // The surface that is lit mirrors and lets in what it does within the cone, and not of diffuse light.
+        let lit = |gloss: Five, r: Five| {
+            let mirrored = gloss.times(mirrored);
+            let enters = (one - mirrored).times(1.0 / diffuse);
+            [mirrored + (r - back_in) * enters, t * enters]
+        };
+        let above = lit(Five::parameter(gloss[0], 2), upper_r + upper_t * upper_t * lower_r * echo);
+        let below = lit(Five::parameter(gloss[1], 3), lower_r + lower_t * lower_t * upper_r * echo);
+        [above, below].map(|side| side.map(|x| (x.value, x.by)))
     }
 }
 

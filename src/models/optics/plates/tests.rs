@@ -142,3 +142,58 @@ fn a_black_leaf_shows_its_surface_only() {
         assert!([r, t].iter().all(|x| x.by_depth.is_finite() && x.by_crossings.is_finite() && x.by_index.is_finite()));
     }
 }
+
+/// A leaf of two plates over two others, each pair with its own absorption, added plate by plate.
+fn two_over_two(depth: f64, gloss: f64, lean: f64, n: f64) -> [f64; 2] {
+    let enter = entering(std::f64::consts::FRAC_PI_2, n)[0];
+    let plate = |k: f64| {
+        let through: f64 =
+            mesophyll_base::quadrature::unit(200).into_iter().map(|(m, w)| 2.0 * m * w * (-k / m).exp()).sum();
+        let out = enter / (n * n);
+        let t = enter * through * out / (1.0 - (1.0 - out).powi(2) * through * through);
+        [1.0 - enter + (1.0 - out) * through * t, t]
+    };
+    // Seen from above and from below: [R, T] and [R, T].
+    let add = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
+        let echo = 1.0 / (1.0 - a[1][0] * b[0][0]);
+        [
+            [a[0][0] + a[0][1] * b[0][0] * a[1][1] * echo, a[0][1] * b[0][1] * echo],
+            [b[1][0] + b[1][1] * a[1][0] * b[0][1] * echo, b[1][1] * a[1][1] * echo],
+        ]
+    };
+    let (upper, lower) = ([plate(0.25 * depth * (1.0 + lean)); 2], [plate(0.25 * depth * (1.0 - lean)); 2]);
+    let [[r, t], _] = add(add(add(upper, upper), lower), lower);
+    let mirrored = gloss * (1.0 - entering(CONE, n)[0]);
+    [mirrored + (r - (1.0 - enter)) * (1.0 - mirrored) / enter, t * (1.0 - mirrored) / enter]
+}
+
+#[test]
+fn a_leaf_with_two_sides_is_its_plates_one_after_the_other() {
+    let index = PlateIndex::new(1.43);
+    for (depth, lean) in [(0.0, 0.3), (0.4, 0.0), (0.4, 0.6), (2.5, -0.5), (9.0, 0.8)] {
+        let sides = index.sides(depth, 4.0, [1.2, 0.7], lean);
+        for (side, want) in
+            sides.iter().zip([two_over_two(depth, 1.2, lean, 1.43), two_over_two(depth, 0.7, -lean, 1.43)])
+        {
+            for (found, want) in side.iter().zip(want) {
+                assert!((found.0 - want).abs() < 1e-9, "{depth} {lean}: {} {want}", found.0);
+            }
+        }
+        let numbers = [depth.max(0.01), 4.0, 1.2, 0.7, lean];
+        let at = |[depth, crossings, above, below, lean]: [f64; 5]| index.sides(depth, crossings, [above, below], lean);
+        for k in 0..5 {
+            let moved = |by: f64| at(std::array::from_fn(|j| numbers[j] + if j == k { by } else { 0.0 }));
+            let (more, less, here) = (moved(1e-5), moved(-1e-5), moved(0.0));
+            for (side, which) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let numeric = (more[side][which].0 - less[side][which].0) / 2e-5;
+                let slope = here[side][which].1[k];
+                assert!((slope - numeric).abs() < 1e-6 * (1.0 + slope.abs()), "{depth} {k}: {slope} {numeric}");
+            }
+        }
+    }
+    // Without lean both sides are those of equal plates.
+    let (sides, equal) = (index.sides(0.7, 1.6, [1.1; 2], 0.0), index.values(0.7, 1.6, 1.1));
+    for side in sides {
+        assert!(side.iter().zip(equal).all(|(a, b)| (a.0 - b).abs() < 1e-12), "{side:?} {equal:?}");
+    }
+}

@@ -4,6 +4,7 @@ pub mod bench;
 pub mod charts;
 mod faults;
 pub mod figures;
+pub mod leaves;
 pub mod peers;
 pub mod pictures;
 pub mod stress;
