@@ -6,7 +6,7 @@
 
 use crate::bench::BenchRow;
 use crate::peers::PeerInputs;
-use crate::{Error, Result};
+use crate::Result;
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::{progress, spectra};
 use mesophyll_fits::plates::training::{self, PlateTraining};
@@ -195,7 +195,7 @@ fn panel(half: &LeafHalf, through: usize) -> SpectrumPanel {
 /// Draws what is left of both halves over wavelength into `folder`; returns the files.
 ///
 /// # Errors
-/// As [`rows`], and [`Error::Write`] where a file cannot be written.
+/// As [`rows`], and a file that cannot be written.
 pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
     let names = ["foliar-left-1", "foliar-left-2"].map(String::from);
     let of = |half: &LeafHalf| (0..2).map(|through| panel(half, through)).collect::<Vec<_>>();
