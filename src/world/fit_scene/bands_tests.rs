@@ -3,6 +3,7 @@
 use super::*;
 use mesophyll_scene::draw::bands::surfaces;
 use mesophyll_scene::placed::leaf::LeafSearch;
+use mesophyll_transport::path::SurfaceBands;
 use std::fmt::Write;
 
 /// Wavelengths (nm) of ten bands of a satellite, with the leaf's R and T and the soil's albedo.
@@ -61,14 +62,23 @@ fn measured(folder: &Path, directions: u32, seed: u64, without: &[f64]) -> Strin
     let scene = opened(folder, &canopy(folder, 1.0, "")).unwrap();
     let nm: Vec<f64> = TRUTH.iter().map(|band| band[0]).filter(|nm| !without.contains(nm)).collect();
     let (of, world) = (surfaces(&scene, &nm).unwrap(), reference::traced(&scene, 0.0, &Ledger::new()).unwrap());
-    let traced = Canopy::new(&world, seed).unwrap();
+    // Each band has paths of its own, so that noise is independent.
+    let one = |list: &[f64], b: usize| vec![list[b]];
+    let alone = |b: usize| -> Vec<SurfaceBands> {
+        let of = of.iter();
+        of.map(|s| SurfaceBands { rho_d: [one(&s.rho_d[0], b), one(&s.rho_d[1], b)], rho_t: one(&s.rho_t, b) })
+            .collect()
+    };
+    let traced: Vec<_> =
+        (0..nm.len()).map(|b| (Canopy::new(&world, 100 * seed + b as u64).unwrap(), alone(b))).collect();
     let mut text = String::from("view_zenith_deg,view_azimuth_deg");
     nm.iter().for_each(|nm| text += &format!(",brf_{nm},brf_{nm}_err"));
     for k in 0..directions {
         let [zenith, azimuth] = [f64::from(7 * k % 71), f64::from(50 * k % 360)];
         let at = [zenith.to_radians(), azimuth.to_radians()];
         let _ = write!(text, "\n{zenith},{azimuth}");
-        for found in traced.brf_of_bands(at, &of, nm.len(), 16_384).unwrap() {
+        for (canopy, of) in &traced {
+            let found = canopy.brf_of_bands(at, of, 1, 8192).unwrap()[0];
             let _ = write!(text, ",{},{}", found.mean, found.error.hypot(0.003 * found.mean));
         }
     }

@@ -49,11 +49,12 @@ impl Judged {
         out
     }
 
-    /// By what standard errors are to be widened, where that is above 1, and whether the model is to be doubted.
-    fn excess(&self, numbers: usize, least: f64) -> (f64, bool) {
+    /// By what standard errors are to be widened, where that is above 1, and whether the model is to be doubted. Only
+    /// the share `alone` of the readings counts as independent.
+    fn excess(&self, numbers: usize, least: f64, alone: f64) -> (f64, bool) {
         let of = |chi2: f64, count: usize| {
             let freedom = count.saturating_sub(numbers).max(1) as f64;
-            (chi2 / freedom, chi2_score(chi2, freedom))
+            (chi2 / freedom, chi2_score(alone * chi2, alone * freedom))
         };
         let all = [of(self.chi2, self.readings), of(self.blocks_chi2, self.blocks)];
         let worst = all.iter().map(|a| a.0).fold(1.0, f64::max);
@@ -76,8 +77,12 @@ pub fn section(
     let predicted =
         |c: &&ReadingComparison| determined == names.len() || shots[c.at[0]].uses.contains(&PixelUse::Fitted);
     let held = Judged::of(shots, found.compared.iter().filter(|c| c.of == PixelUse::Held).filter(predicted));
-    let (excess, doubted) = fitted.excess(determined, EXCESS);
-    let (unseen, missed) = held.excess(0, EXCESS_UNSEEN);
+    // All channels of a place share their paths. Where the share f of each residual's variance is of that kind, the
+    // variance of χ² is 1 + (n − 1) f² times that of n independent channels.
+    let share = found.own_noise.powi(2) / (1.0 + found.own_noise.powi(2));
+    let alone = 1.0 / (1.0 + (numbers.channels.len() - 1) as f64 * share * share);
+    let (excess, doubted) = fitted.excess(determined, EXCESS, alone);
+    let (unseen, missed) = held.excess(0, EXCESS_UNSEEN, alone);
     // Where no number is determined, nothing is claimed that could be wrong.
     let (doubted, missed) = (doubted && determined > 0, missed && determined > 0);
     let wide = if doubted { excess.sqrt() } else { 1.0 };
