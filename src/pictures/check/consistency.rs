@@ -1,5 +1,8 @@
-//! Whether the maps of a leaf that a scene shows agree with its blade: normals lean in the direction in which the blade
-//! leans, and the mask is the blade's outline.
+//! Whether the fits that a scene uses are still as they were fitted: their content hashes, and whether their numbers
+//! agree with each other and with the blade.
+//!
+//! Of a leaf's maps and its blade this is looked at: normals lean in the direction in which the blade leans, and the
+//! mask is the blade's outline.
 //!
 //! What numbers of a fit say of each other is looked at wherever a fit is read ([`mesophyll_fits::consistency`]). Of a
 //! folder whose record does not say how the leaf was measured, three things are looked at here: the mean thickness is
@@ -11,15 +14,17 @@ use mesophyll_base::statistics::median_of;
 use mesophyll_files::image::ChannelMaps;
 use mesophyll_files::mesh::LeafMesh;
 use mesophyll_files::quantity::{Quantity, RGB};
-use mesophyll_fits::consistency::says_how_it_was_measured;
+use mesophyll_fits::consistency::{ConsistencyFaults, FileChange, says_how_it_was_measured};
 use mesophyll_fits::leaf_folder::frames;
 use mesophyll_fits::leaf_folder::{BLADE, LeafFit, LeafFitFile, packing};
+use mesophyll_fits::record::RECORD;
 use mesophyll_optics::side::Side;
 use mesophyll_optics::slab;
-use mesophyll_scene::loaded::LoadedLeaf;
+use mesophyll_scene::loaded::{LoadedLeaf, LoadedScene};
 use mesophyll_scene::placed::fits::reader;
 use mesophyll_scene::placed::ledger::Ledger;
 use rayon::prelude::*;
+use std::path::Path;
 
 /// Shares of texels that may differ (at rims, where filling and filtering differ), and how far the others may be off.
 const STRAY: f64 = 0.01;
@@ -29,6 +34,31 @@ const SAME: f64 = 1e-3;
 const TRANSMITTANCE: f64 = 0.1;
 /// Smallest share that mask and outline must have in common.
 const OUTLINE: f64 = 0.9;
+
+/// What the fits of a scene say against themselves: fits of leaves, of translucency maps, of branches and of lawns. A
+/// file that the scene does not need is no fault of it, and is named as a note.
+///
+/// # Errors
+/// [`mesophyll_base::error::Error::Input`] for a file that cannot be read.
+pub fn verify(scene: &LoadedScene, ledger: &Ledger) -> Result<ConsistencyFaults> {
+    let mut faults = scene.faults(ledger)?;
+    let leaves = scene.placed.leaves.iter();
+    let opened: Vec<&LeafFit> = leaves
+        .flat_map(|l| [l.fitted.as_ref(), l.translucent.as_ref().and_then(|t| t.fitted.as_ref())])
+        .flatten()
+        .collect();
+    let unneeded = |path: &Path| {
+        let needed = scene.plan.needed.iter().any(|need| need.file.as_deref() == Some(path));
+        !needed && !path.ends_with(RECORD) && opened.iter().any(|fit| path.starts_with(&fit.folder))
+    };
+    let (beside, changed): (Vec<FileChange>, _) = faults.changed.into_iter().partition(|c| unneeded(&c.path));
+    faults.changed = changed;
+    faults.notes.extend(beside.into_iter().map(|c| c.said));
+    for leaf in scene.leaves() {
+        faults.contradictions.extend(contradictions(leaf, ledger)?);
+    }
+    Ok(faults)
+}
 
 /// A sentence for every contradiction in what the plan needs of a leaf.
 ///

@@ -22,9 +22,8 @@ mod pictures;
 mod proof;
 mod smoothness;
 pub mod sun_shares;
-mod verification;
 
-pub use verification::verify;
+pub use consistency::verify;
 
 use mesophyll_base::error::{Error, Result};
 use mesophyll_files::{atomic, progress};
