@@ -1,7 +1,7 @@
 //! False colour: a sequential and a diverging scale with evenly perceived steps, computed in OKLab (Ottosson 2020), and
 //! pictures as indexed PNG inside data URIs.
 
-use crate::model::{PictureScale, PictureTexels, ReportPicture};
+use crate::model::{PictureTexels, ReportPicture, ScaleBar};
 use crate::values::{self, MapValues};
 use plotters::style::RGBColor;
 use std::sync::OnceLock;
@@ -105,7 +105,7 @@ impl MapFrame {
     }
 
     fn texels(&self) -> PictureTexels {
-        let scale = self.texel_mm.and_then(|mm| PictureScale::of(self.width as f64 * mm));
+        let scale = self.texel_mm.and_then(|mm| ScaleBar::of(self.width as f64 * mm));
         PictureTexels { columns: self.width, rows: self.height, step: self.step(), scale }
     }
 }

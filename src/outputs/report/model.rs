@@ -296,25 +296,25 @@ pub struct PictureTexels {
     pub columns: usize,
     pub rows: usize,
     pub step: usize,
-    pub scale: Option<PictureScale>,
+    pub scale: Option<ScaleBar>,
 }
 
 /// A bar of a round length that is drawn over a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct PictureScale {
+pub struct ScaleBar {
     pub mm: f64,
     /// Its share of the picture's width.
     pub share: f64,
 }
 
-impl PictureScale {
+impl ScaleBar {
     /// The longest bar of 1, 2 or 5 times a power of ten (mm) that takes at most two fifths of a picture `wide` mm
     /// wide.
-    pub fn of(wide: f64) -> Option<PictureScale> {
+    pub fn of(wide: f64) -> Option<ScaleBar> {
         let most = 0.4 * wide;
         let ten = 10_f64.powf(most.log10().floor());
         let mm = [5.0, 2.0, 1.0].map(|m| m * ten).into_iter().find(|mm| *mm <= most)?;
-        Some(PictureScale { mm, share: mm / wide })
+        Some(ScaleBar { mm, share: mm / wide })
     }
 }
 
@@ -373,18 +373,18 @@ pub struct ChartTile {
 
 #[cfg(test)]
 mod tests {
-    use super::PictureScale;
+    use super::ScaleBar;
 
     #[test]
     fn a_scale_is_a_round_length_within_the_picture() {
         for (wide, mm) in [(60.0, 20.0), (12.6, 5.0), (100.0, 20.0), (0.3, 0.1), (2500.0, 1000.0)] {
-            let scale = PictureScale::of(wide).unwrap();
+            let scale = ScaleBar::of(wide).unwrap();
             assert!(
                 (scale.mm / mm - 1.0).abs() < 1e-12 && (scale.share * wide / mm - 1.0).abs() < 1e-12,
                 "{wide}: {scale:?}"
             );
         }
-        assert_eq!(PictureScale::of(0.0), None);
-        assert_eq!(PictureScale::of(f64::NAN), None);
+        assert_eq!(ScaleBar::of(0.0), None);
+        assert_eq!(ScaleBar::of(f64::NAN), None);
     }
 }
