@@ -2,8 +2,8 @@
 //!
 //! A scan may grow frame by frame. Each new frame sees every texel, so every texel is fitted again; but its answer lies
 //! close to the one before. The search for a start among templates, which a fit from nothing begins with, is not needed
-//! then. A texel whose answer is not good from there is searched for as in a fit from nothing, so that both find the
-//! same within what the solver leaves open.
+//! then. A texel whose answer is not good from there, or far away, is searched for as in a fit from nothing, so that
+//! both find the same within what the solver leaves open.
 
 use crate::gloss::GlossFitStart;
 use crate::leaf::Options;

@@ -14,6 +14,7 @@ use super::projection::{self, ChannelProjection, NONLINEAR};
 use super::start::{TemplateBank, TemplateMatch, TemplateScratch};
 use super::{GlossFitDevice, GlossTexelFit, NO_LIGHT, ReadingNoise, RobustWeighting, normal_of, normal_slopes};
 use mesophyll_base::processor::InstructionSet;
+use mesophyll_base::solvers::Termination;
 use mesophyll_optics::tube::evaluator::{self, COLUMNS, TubeGeometry};
 use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 
@@ -22,6 +23,8 @@ use mesophyll_optics::tube::{Travel, TubeModel, TubePrecision};
 pub(super) const CONVERGED: f64 = 3e-3;
 /// Weights may change from here on: the fit is within about two standard errors.
 const NEAR: f64 = 4.0;
+/// Where ln m or a tilt (rad) moves farther than this from an answer that was there, the texel is fitted from nothing.
+const STAYS: f64 = 0.1;
 /// Above this slope a one-pass fit looks for other minima.
 const BROAD: f64 = 0.6;
 /// Gloss that explains less χ² than this is faint: other minima are looked for, and m is doubted. The first number is
@@ -250,7 +253,17 @@ impl Job<'_> {
         let mut worst = self.weigh(&best.0);
         // χ² is larger than noise makes it (by 4 standard deviations): another template may have been the right one.
         let freedom = (used - parameters) as f64;
-        if !best.1.converged() || best.0.chi2 > freedom + 4.0 * (2.0 * freedom).sqrt() {
+        let poor = |(state, end): &(State, Termination)| {
+            !end.converged() || state.chi2 > freedom + 4.0 * (2.0 * freedom).sqrt()
+        };
+        let far = |state: &State| state.p.iter().zip(start).any(|(to, from)| (to - from).abs() > STAYS);
+        if self.earlier.is_some() && (poor(&best) || far(&best.0)) {
+            self.earlier = None;
+            let Some(start) = self.first() else { return GlossTexelFit::refused("no template fits") };
+            best = self.climb(start);
+            worst = self.weigh(&best.0);
+        }
+        if poor(&best) {
             best = self.others(best, &mut Vec::new());
             worst = self.weigh(&best.0);
         }

@@ -196,7 +196,9 @@ fn a_fit_that_starts_from_an_earlier_one_finds_the_same() {
                 (found.rho_s[1] - nothing.rho_s[1]) / nothing.rho_s_err[1],
             ];
             assert!(off.iter().all(|o| o.abs() < 0.1), "{k}: {off:?} {start:?} {truth:?}");
-            assert!((found.chi2 - nothing.chi2).abs() < 0.05 && found.outliers == nothing.outliers, "{k}: {found:?}");
+            // Weights come from where the descent was near, so that χ² itself depends a little on the start.
+            let same = (found.chi2 / nothing.chi2 - 1.0).abs() < 0.02 && found.outliers == nothing.outliers;
+            assert!(same, "{k}: {found:?} {nothing:?}");
             if start == near {
                 (cold, warm) = (cold + nothing.evaluations, warm + found.evaluations);
             }
