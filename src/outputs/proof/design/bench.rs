@@ -117,7 +117,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
 pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
     let sets = measured()?;
     let curve = |name: &str, planned: bool, error: fn(&FrameSet) -> f64| {
-        let points = sets.iter().filter(|set| set.planned == planned).map(|set| (set.count as f64, 100.0 * error(set)));
+        let points = sets.iter().filter(|set| set.planned == planned).map(|set| (set.count as f64, error(set)));
         (name.to_string(), points.collect())
     };
     let curves = [
@@ -129,8 +129,8 @@ pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
     let picture = Picture {
         title: "error of m against frames, planned and even",
         x: "frames of both passes",
-        y: "relative error of m (%)",
-        log_x: true,
+        y: "relative error of m",
+        log_x: false,
         log_y: true,
         curves: &curves,
     };
