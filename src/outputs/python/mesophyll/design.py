@@ -1,7 +1,7 @@
 """Designs: which readings to take, before anything is measured or beside what has been.
 
-Every function answers what ``mesophyll design`` answers for one kind of measurement: the chosen readings as columns, and
-the standard errors that they would leave beside those of all readings and of as many even ones.
+Every function answers what ``mesophyll design`` answers for one kind of measurement: the chosen readings as columns,
+and the standard errors that they would leave beside those of all readings and of as many even ones.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ def leaf(leaf: Place, *, progress: bool = False, **options: Option) -> Result:
     progress : bool
         Lines of progress on standard error.
     **options
-        Those of ``mesophyll design leaf``: ``frames``, ``next``, ``until``, ``for_`` (names, as a list), ``candidates``,
-        ``passes``, ``range`` (``"m=0.1..0.3"``), ``noise``, ``cameras``, ``exposures``, ``lobe``.
+        Those of ``mesophyll design leaf``: ``frames``, ``next``, ``until``, ``for_`` (names, as a list),
+        ``candidates``, ``passes``, ``range`` (``"m=0.1..0.3"``), ``noise``, ``cameras``, ``exposures``, ``lobe``.
 
     Returns
     -------
     Result
         ``pass`` and ``position_mm`` of each chosen frame. ``record["sets"]`` has the standard errors of each set of
-        frames, and how many times larger they are than those of all; ``record["best_possible_over_all"]`` what no choice
-        of as many frames can beat. Functions of this module have both alike.
+        frames, and how many times larger they are than those of all; ``record["best_possible_over_all"]`` what no
+        choice of as many frames can beat. Functions of this module have both alike.
     """
     return _planned(["leaf", leaf], options, progress)
 
@@ -112,8 +112,8 @@ def slab(table: Table, *, noise: float = 0.005, thickness_noise: float = 0.01) -
     Returns
     -------
     Result
-        Relative errors of absorption and scattering, ``sigma_a_share`` and ``sigma_s_share``, and what they would be with
-        half the error of a reading: ``sigma_a_share_if_h_halved``, and so on.
+        Relative errors of absorption and scattering, ``sigma_a_share`` and ``sigma_s_share``, and what they would be
+        with half the error of a reading: ``sigma_a_share_if_h_halved``, and so on.
     """
     return _command.table(["design", "slab"], table, {"noise": noise, "thickness_noise": thickness_noise})
 
@@ -145,8 +145,8 @@ def motion(**options: Option) -> Result:
     Parameters
     ----------
     **options
-        Those of ``mesophyll design motion``: ``length_mm`` or ``resonance_hz``, ``damping_ratio``, ``sway_mm``, ``noise``
-        (mm), ``speed`` (m/s), ``channels``, ``until``.
+        Those of ``mesophyll design motion``: ``length_mm`` or ``resonance_hz``, ``damping_ratio``, ``sway_mm``,
+        ``noise`` (mm), ``speed`` (m/s), ``channels``, ``until``.
 
     Returns
     -------
@@ -172,7 +172,7 @@ def scene(scene: Place, *, progress: bool = False, **options: Option) -> Result:
     Returns
     -------
     Result
-        ``camera``, place, target, upright direction and lens of each chosen picture, and the sun that it is taken under,
-        the most useful picture first.
+        ``camera``, place, target, upright direction and lens of each chosen picture, and the sun that it is taken
+        under, the most useful picture first.
     """
     return _planned(["scene", scene], options, progress)
