@@ -272,7 +272,7 @@ fn the_commands_of_the_page_of_pictures_run() {
 
 #[test]
 fn the_commands_of_the_page_of_designs_run() {
-    assert_eq!(run_page("docs/designs.md", false), [6, 0]);
+    assert_eq!(run_page("docs/designs.md", false), [7, 0]);
 }
 
 #[test]

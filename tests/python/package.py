@@ -271,7 +271,7 @@ class Says(unittest.TestCase):
 
     def test_help(self):
         modules = [m for m in (getattr(mp, name) for name in mp.__all__) if inspect.ismodule(m)]
-        self.assertEqual(len(modules), 11)
+        self.assertEqual(len(modules), 12)
         for function in [getattr(m, name) for m in modules for name in m.__all__] + [mp.command]:
             words = function.__doc__
             self.assertTrue(words and len(words) > 60, function)

@@ -109,13 +109,18 @@ impl Error {
         Error::Argument { name: name.into(), fault: Fault::unexpected(found, expected) }
     }
 
-    /// `path:line: message`, for an input that is not the TOML it should be; unknown and missing fields are named.
+    /// `path:line: message`, for an input that is not the TOML it should be; unknown and missing fields are named, and so
+    /// is the field of a value that is wrong.
     pub fn toml(path: &Path, text: &str, e: &toml::de::Error) -> Self {
-        let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+        let before = e.span().map(|s| &text[..s.start.min(text.len())]);
+        let line = before.map_or(0, |before| before.matches('\n').count() + 1);
+        // A value stands behind its key on the same line, unless it is a part of a longer one.
+        let key = before.and_then(|before| Some(before.rsplit('\n').next()?.split_once('=')?.0.trim()));
+        let bare = |key: &&str| key.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c));
         Error::Input {
             file: path.display().to_string(),
             line: u32::try_from(line).ok(),
-            field: None,
+            field: key.filter(bare).map(String::from),
             fault: Fault::Other(e.message().lines().collect::<Vec<_>>().join(" ")),
         }
     }
@@ -208,6 +213,13 @@ mod tests {
         let text = "a = 1\nb = ]\n";
         let e = toml::from_str::<toml::Table>(text).unwrap_err();
         assert!(said(Error::toml(path, text, &e)).starts_with("a/capture.toml:2: "));
+        // A value of another kind is named by its key.
+        let text = "a = 1\n  b.wide = \"x\"\nc = [1,\n2]\n";
+        let e = toml::from_str::<std::collections::BTreeMap<String, i64>>(text).unwrap_err();
+        assert!(said(Error::toml(path, text, &e)).starts_with("a/capture.toml:2: "), "{}", said(Error::toml(path, text, &e)));
+        let e = toml::from_str::<std::collections::BTreeMap<String, i64>>("wide = \"x\"\n").unwrap_err();
+        let named = said(Error::toml(path, "wide = \"x\"\n", &e));
+        assert!(named.starts_with("a/capture.toml:1: wide: "), "{named}");
         let text = "wood = 1\nhieght = 2\n";
         let e = toml::from_str::<std::collections::BTreeMap<String, String>>(text).unwrap_err();
         let other = said(Error::toml_of(TomlKind::Scene, path, text, &e));

@@ -35,7 +35,8 @@ fn film(exposed: vec3f) -> vec3f {
 fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     // Alpha is the share of the pixel that surfaces cover. The rest is sky or background, which is sRGB already.
     let seen = textureLoad(radiance, vec2i(position.xy), 0);
-    let mapped = vec3f(dot(display.red.rgb, seen.rgb), dot(display.green.rgb, seen.rgb), dot(display.blue.rgb, seen.rgb));
+    let bands = seen.rgb;
+    let mapped = vec3f(dot(display.red.rgb, bands), dot(display.green.rgb, bands), dot(display.blue.rgb, bands));
     let x = display.curve.x * max(seen.rgb + seen.a * (mapped - seen.rgb), vec3f(0.0));
     if (display.curve.y > 0.0) {
         return vec4f(encode(film(x)), 1.0);
