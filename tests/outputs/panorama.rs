@@ -47,7 +47,7 @@ fn a_panorama_is_made_fitted_and_reported() {
         json["status"]
             .as_str()
             .unwrap()
-            .starts_with("undetermined: sun_zenith_deg sun_azimuth_deg turbidity scale (the model")
+            .starts_with("undetermined: sun_zenith_deg; sun_azimuth_deg; turbidity; scale (the model")
     );
     let report: Value = serde_json::from_slice(&run(["report", &out, "--json"]).stdout).unwrap();
     assert_eq!(report["verdict"]["level"], "bad");
@@ -56,7 +56,7 @@ fn a_panorama_is_made_fitted_and_reported() {
     let ran = run(["fit", "sky", "--quiet", "--json", "--panorama", &picture, "-o", &out]);
     let json: Value = serde_json::from_slice(&ran.stdout).unwrap();
     assert_eq!(json["sun_from"], "disk", "{json}");
-    assert!(json["status"].as_str().unwrap().starts_with("undetermined: turbidity scale (the model"), "{json}");
+    assert!(json["status"].as_str().unwrap().starts_with("undetermined: turbidity; scale (the model"), "{json}");
     for (name, truth) in [("sun_zenith_deg", 50.0), ("sun_azimuth_deg", -100.0)] {
         let (value, error) = (json[name]["value"].as_f64().unwrap(), json[name]["stderr"].as_f64().unwrap());
         assert!((value - truth).abs() < 3.0 * error && error < 3.0, "{name}: {value} ± {error}");

@@ -173,11 +173,35 @@ impl Status {
         *self == Status::Ok
     }
 
-    /// Whether this status names the output column `name` as not determined. The names stand before any explanation,
-    /// which begins with a bracket or a colon.
+    /// That these are not determined, and why where `why` says something; ok where nothing is named. A name may carry
+    /// a bound (`sigma_a >= 21`) or a reason of its own in brackets.
+    pub fn undetermined<N: AsRef<str>>(names: impl IntoIterator<Item = N>, why: &str) -> Status {
+        let mut what = String::new();
+        for name in names {
+            what.push_str(if what.is_empty() { "" } else { "; " });
+            what.push_str(name.as_ref());
+        }
+        match (what.is_empty(), why.is_empty()) {
+            (true, _) => Status::Ok,
+            (false, true) => Status::Undetermined(what),
+            (false, false) => Status::Undetermined(format!("{what} ({why})")),
+        }
+    }
+
+    /// Whether this status names the output column `name` as not determined. Names stand between semicolons; what
+    /// stands in brackets or behind a colon explains them.
     pub fn leaves_open(&self, name: &str) -> bool {
         let Status::Undetermined(what) = self else { return false };
-        let names = what.split(['(', ':']).next().unwrap_or_default();
+        let (mut deep, mut names) = (0, String::new());
+        for c in what.chars() {
+            match c {
+                '(' => deep += 1,
+                ')' => deep -= 1,
+                ':' if deep == 0 => break,
+                _ if deep == 0 => names.push(c),
+                _ => {}
+            }
+        }
         names.split([' ', ',', ';']).any(|word| word == name)
     }
 }
@@ -195,6 +219,19 @@ impl std::fmt::Display for Status {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_that_are_open_stand_between_semicolons() {
+        let open = |s: &Status, all: [&str; 3]| all.map(|name| s.leaves_open(name));
+        let two = Status::undetermined(["m", "sigma_a >= 21 and <= 26"], "a lamp; of b (and c)");
+        assert_eq!(two.to_string(), "undetermined: m; sigma_a >= 21 and <= 26 (a lamp; of b (and c))");
+        assert_eq!(open(&two, ["m", "sigma_a", "c"]), [true, true, false]);
+        assert!(!two.leaves_open("b"));
+        // A name behind another one's reason.
+        let late = Status::undetermined(["zenith (a sun at 3, 4 fits as well)", "scale"], "");
+        assert_eq!(open(&late, ["zenith", "scale", "sun"]), [true, true, false]);
+        assert_eq!(Status::undetermined([""; 0], "a reason alone"), Status::Ok);
+    }
 
     #[test]
     fn an_error_is_one_sentence_and_its_parts() {

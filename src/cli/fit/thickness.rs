@@ -39,7 +39,7 @@ pub fn no_leaf(column: &str, thickness: f64, unit: Option<LengthUnit>, values: &
 /// The status of numbers that no leaf has: never ok.
 pub fn doubted(status: Status, why: &str) -> Status {
     match status {
-        Status::Ok => Status::Undetermined(format!("sigma_a; sigma_s ({why})")),
+        Status::Ok => Status::undetermined(["sigma_a", "sigma_s"], why),
         Status::Undetermined(what) => Status::Undetermined(format!("{what} ({why})")),
         refused => refused,
     }

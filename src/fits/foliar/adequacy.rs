@@ -1,6 +1,7 @@
 //! Whether the layered leaf describes what was measured, and whether its answer is that of a leaf.
 
 use super::{FoliarFitModel, FoliarParameter, FoliarReading};
+use mesophyll_base::solvers::multi_start::MultiStart;
 use mesophyll_base::solvers::{Adequacy, ReadingOrder, ResidualNoise, SolutionResiduals, judge};
 use mesophyll_optics::side::Side;
 
@@ -102,15 +103,61 @@ fn most(p: FoliarParameter) -> f64 {
     }
 }
 
+/// A minimum whose logarithm of likelihood is below that of the best one by less than this is left open: ln 20.
+const LEFT_OPEN: f64 = 3.0;
+
+/// The value of the `k`-th parameter, in the solver's variables, in another minimum that the readings leave open and
+/// that lies further away than the standard error `s`.
+pub(super) fn rival(found: &MultiStart, k: usize, s: f64, stated: Stated) -> Option<f64> {
+    let (best, readings) = (&found.best, found.best.residuals.len() as f64);
+    // Where no noise is stated, it is as large as what the best minimum leaves.
+    let behind = |cost: f64| match stated {
+        Stated::Errors => cost - best.cost,
+        _ => 0.5 * readings * (cost / best.cost).ln(),
+    };
+    let others = found.minima.iter().filter(|m| behind(m.cost) < LEFT_OPEN);
+    others.map(|m| m.params[k]).find(|x| (x - best.params[k]).abs() > s)
+}
+
 /// Says so where a parameter may lie at the edge of the searched range, within two standard errors. Where the parameter
 /// may lie at both edges, nothing is said. `x` and its error `s` are in the solver's variables.
 pub(super) fn bound(p: FoliarParameter, x: f64, s: f64) -> Option<String> {
     let (most, _) = p.range();
     let (low, high) = (x - 2.0 * s, x + 2.0 * s);
-    let shown = |x: f64| if p == FoliarParameter::Oblateness { x.exp_m1() } else { x };
     match (low > 0.0, high < most) {
-        (false, true) => Some(format!("{} <= {:.3}", p.column(), shown(high))),
-        (true, false) => Some(format!("{} >= {:.3}", p.column(), shown(low))),
+        (false, true) => Some(format!("{} <= {:.3}", p.column(), p.shown(high))),
+        (true, false) => Some(format!("{} >= {:.3}", p.column(), p.shown(low))),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mesophyll_base::solvers::multi_start::multi_start;
+    use mesophyll_base::solvers::{ClosureProblem, Options};
+
+    /// x² = 4 in two readings, of which a third says a little of the sign: minima near 2 and −2.
+    fn two_minima(sign: f64) -> MultiStart {
+        let problem = ClosureProblem::new(1, 3, move |p: &[f64], r: &mut [f64]| {
+            r.copy_from_slice(&[20.0 * (p[0] * p[0] - 4.05), 20.0 * (p[0] * p[0] - 3.95), sign * (p[0] - 2.0)]);
+        });
+        multi_start(&problem, &[vec![3.0], vec![-3.0]], &Options::default()).unwrap()
+    }
+
+    #[test]
+    fn a_minimum_that_is_twenty_times_less_likely_is_no_rival() {
+        // The other minimum costs half of (4 sign)²; ln 20 is 3.0.
+        for (sign, open) in [(0.0, true), (0.5, true), (0.7, false), (2.0, false)] {
+            let found = two_minima(sign);
+            let other = rival(&found, 0, 0.1, Stated::Errors);
+            assert_eq!(other.is_some(), open, "{sign}: {:?}", found.minima);
+            assert!(other.is_none_or(|x| (x + found.best.params[0]).abs() < 0.2), "{other:?}");
+        }
+        // One within the error of the best is the same answer.
+        assert_eq!(rival(&two_minima(0.0), 0, 5.0, Stated::Errors), None);
+        // Without a stated noise the residuals of the best minimum say how large it is.
+        assert!(rival(&two_minima(0.0), 0, 0.1, Stated::Nothing).is_some());
+        assert!(rival(&two_minima(20.0), 0, 0.1, Stated::Nothing).is_none());
     }
 }

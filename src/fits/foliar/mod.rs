@@ -57,6 +57,11 @@ impl FoliarParameter {
         }
     }
 
+    /// Its value where the solver's variable is `x`.
+    fn shown(self, x: f64) -> f64 {
+        if self == FoliarParameter::Oblateness { x.exp_m1() } else { x }
+    }
+
     /// The parameter's place among the [`SUBSTANCES`].
     fn substance(self) -> Option<usize> {
         let k = self as usize;
@@ -352,7 +357,7 @@ impl FoliarFitModel {
             };
             let (x, s) = (fit.params[k], fit.uncertainty.stderr[k]);
             let (value, error) = match p {
-                FoliarParameter::Oblateness => (x.exp_m1().min(MOST_OBLATE), s * x.exp()),
+                FoliarParameter::Oblateness => (p.shown(x).min(MOST_OBLATE), s * x.exp()),
                 _ => (x, s),
             };
             let error = if exact && s.is_finite() { 0.0 } else { error * judged.widening[k] };
@@ -362,6 +367,8 @@ impl FoliarFitModel {
                 open.push(bound.clone());
             } else if let Some(why) = adequacy::no_leaf_has(*p, value) {
                 open.push(why);
+            } else if let Some(x) = adequacy::rival(&found, k, s * judged.widening[k], noise).filter(|_| !lost) {
+                open.push(format!("{} ({:.3} explains the leaf about as well)", p.column(), p.shown(x)));
             } else if lost || fit.at_bound.contains(&k) || known_noise && error > PROMISE * value {
                 open.push(p.column().to_string());
             }
@@ -371,12 +378,8 @@ impl FoliarFitModel {
         values.extend(errors);
         values.extend([rms, found.minima.len() as f64]);
         let status = match adequacy::why(&judged, readings, self, rms) {
-            Some(why) => {
-                let names: Vec<&str> = self.asked.iter().map(|p| p.column()).collect();
-                Status::Undetermined(format!("{} ({why})", names.join(" ")))
-            }
-            None if open.is_empty() => Status::Ok,
-            None => Status::Undetermined(open.join("; ")),
+            Some(why) => Status::undetermined(self.asked.iter().map(|p| p.column()), &why),
+            None => Status::undetermined(open, ""),
         };
         OutputRow { values, status }
     }

@@ -261,12 +261,7 @@ impl GlossTexelFit {
             // Something is wrong with the texel, so none of its numbers is promised.
             names = UndeterminedSet::all(channels);
         }
-        let what = names.names(channels).join(" ");
-        match self.defect {
-            None if names.is_empty() => Status::Ok,
-            None => Status::Undetermined(what),
-            Some(why) => Status::Undetermined(format!("{what} ({why})")),
-        }
+        Status::undetermined(names.names(channels), self.defect.unwrap_or_default())
     }
 
     /// Output columns of [`GlossTexelFit::answer`] for `channels` (1 or 3) channels: values, their errors, `chi2`.
@@ -305,8 +300,8 @@ impl GlossTexelFit {
         match why {
             // A defect that was found before says as much.
             Some(why) if !matches!(self.defect, Some(NOT_CONVERGED | NOT_EXPLAINED | AMBIGUOUS)) => {
-                let names = UndeterminedSet::all(channels).names(channels).join(" ");
-                OutputRow { status: Status::Undetermined(format!("{names} ({why})")), ..answer }
+                let names = UndeterminedSet::all(channels).names(channels);
+                OutputRow { status: Status::undetermined(names, &why), ..answer }
             }
             _ => answer,
         }

@@ -235,18 +235,15 @@ impl PlateFitModel {
         let values = found.contents.into_iter().chain(errors).chain([found.rms]).collect();
         if found.rms > NO_LEAF * self.population.rms {
             let why = format!(
-                "the model does not describe this leaf, so {} are not known: an rms of {:.3} is left, where leaves of \
-                 species that the coefficients had not seen leave about {:.4}",
-                CONTENTS.join(", "),
-                found.rms,
-                self.population.rms
+                "the model does not describe this leaf: an rms of {:.3} is left, where leaves of species that the \
+                 coefficients had not seen leave about {:.4}",
+                found.rms, self.population.rms
             );
-            return OutputRow { values, status: Status::Undetermined(why) };
+            return OutputRow { values, status: Status::undetermined(CONTENTS, &why) };
         }
         let open =
             |k: &usize| NINETY_FIVE * errors[*k] > found.contents[*k] || found.leaf[*k] >= UPPER[*k] * (1.0 - 1e-9);
-        let open: Vec<&str> = (0..4).filter(open).map(|k| CONTENTS[k]).collect();
-        let status = if open.is_empty() { Status::Ok } else { Status::Undetermined(open.join("; ")) };
+        let status = Status::undetermined((0..4).filter(open).map(|k| CONTENTS[k]), "");
         OutputRow { values, status }
     }
 }

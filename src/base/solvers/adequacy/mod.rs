@@ -168,7 +168,7 @@ impl Adequacy {
     /// The status of a fit whose values have these names: that none of them can be relied on, and why; `None` where the
     /// model describes the readings.
     pub fn status(&self, names: &[&str], what: &str) -> Option<Status> {
-        self.why(what).map(|why| Status::Undetermined(format!("{} ({why})", names.join(" "))))
+        self.why(what).map(|why| Status::undetermined(names, &why))
     }
 }
 

@@ -13,6 +13,8 @@ use std::f64::consts::PI;
 const FOUND: f64 = 0.1;
 /// One kind of motion is taken where its log-likelihood is larger by this: odds of 400 to 1.
 const CLEAR: f64 = 6.0;
+/// A kind of motion whose log-likelihood is below the other's by less than this is left open by the record: ln 20.
+const LEFT_OPEN: f64 = 3.0;
 /// No branch sways more slowly, or faster, than this (Hz): tall trees sway once in ten seconds, twigs of a
 /// centimetre fifty times a second.
 const RESONANCES: [f64; 2] = [0.03, 100.0];
@@ -43,10 +45,16 @@ pub fn choose(
                 () if ahead.abs() > CLEAR => ahead > 0.0,
                 () => gusts.lack.is_some() && decay.adequacy.describes(),
             };
+            let as_decay = || of_decay(&decay, record, known, format!("{why} gusts"));
+            let as_gusts = || of_gusts(&gusts, record, stepped, format!("{why} a free decay"));
+            // Nobody stated the kind, so the other one counts unless it is clearly less likely or does not describe the
+            // record.
             if free {
-                (of_decay(&decay, record, known, format!("{why} gusts")), decay.wild)
+                let left = ahead < LEFT_OPEN && gusts.lack.is_none();
+                (beside(as_decay(), left.then(as_gusts)), decay.wild)
             } else {
-                (of_gusts(&gusts, record, stepped, format!("{why} a free decay")), wild)
+                let left = -ahead < LEFT_OPEN && decay.adequacy.describes();
+                (beside(as_gusts(), left.then(as_decay)), wild)
             }
         }
         (Ok((gusts, wild)), Err(why)) => {
@@ -116,9 +124,31 @@ fn open(motion: &MotionFit, which: impl Fn(&MotionEstimate) -> bool, why: &str) 
     let gains = ["gain_u_mm_per_sqrt_hz", "gain_v_mm_per_sqrt_hz"].into_iter().zip(motion.gains.iter().copied());
     let named =
         [("resonance_hz", motion.resonance), ("damping_per_s", motion.damping), ("damping_ratio", motion.ratio)];
-    let names: Vec<&str> =
-        named.into_iter().chain(gains).filter(|(_, value)| which(value)).map(|(name, _)| name).collect();
-    if names.is_empty() { Status::Ok } else { Status::Undetermined(format!("{} ({why})", names.join(" "))) }
+    Status::undetermined(named.into_iter().chain(gains).filter(|(_, value)| which(value)).map(|(name, _)| name), why)
+}
+
+/// The motion, with what the other kind puts elsewhere left open.
+fn beside(mut motion: MotionFit, other: Option<MotionFit>) -> MotionFit {
+    let Some(other) = other else { return motion };
+    let pairs = [(motion.resonance, other.resonance), (motion.damping, other.damping), (motion.ratio, other.ratio)];
+    let differs = |(a, b): &(MotionEstimate, MotionEstimate)| (a.value - b.value).abs() > a.error.hypot(b.error);
+    let apart: Vec<MotionEstimate> = pairs.into_iter().filter(differs).map(|(own, _)| own).collect();
+    let all_open = ["resonance_hz", "damping_per_s"].iter().all(|name| motion.status.leaves_open(name));
+    if apart.is_empty() || all_open {
+        return motion;
+    }
+    let kind = match other.kind {
+        MotionKind::FreeDecay => "a free decay",
+        _ => "a motion in gusts",
+    };
+    let why = format!(
+        "{kind} explains the record about as well, with a resonance of {:.3} ± {:.3} Hz and a damping of {:.3} ± {:.3} \
+         1/s; --kind states which it is",
+        other.resonance.value, other.resonance.error, other.damping.value, other.damping.error
+    );
+    let unsure = |v: &MotionEstimate| !(v.error <= FOUND * v.value.abs());
+    motion.status = open(&motion, |v| apart.contains(v) || unsure(v), &why);
+    motion
 }
 
 /// Reasons to doubt any motion, the gravest first.
@@ -274,4 +304,44 @@ fn of_gusts(gusts: &GustFit, record: &MotionRecord, known: &MotionPrior, why: St
         motion.status = status(&motion, record, None, Some(why));
     }
     motion
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motion(kind: MotionKind, resonance: [f64; 2], damping: [f64; 2]) -> MotionFit {
+        let of = |[value, error]: [f64; 2]| MotionEstimate { value, error };
+        MotionFit {
+            kind,
+            resonance: of(resonance),
+            damping: of(damping),
+            ratio: of([damping[0] / (4.0 * PI * resonance[0]), 0.003]),
+            gains: Vec::new(),
+            slowness: of([f64::NAN; 2]),
+            bins: 0,
+            deviance: f64::NAN,
+            taken_out: Vec::new(),
+            why: String::new(),
+            status: Status::Ok,
+        }
+    }
+
+    /// What the other kind puts elsewhere is open, with its numbers; what both say alike is not.
+    #[test]
+    fn what_another_kind_of_motion_puts_elsewhere_is_open() {
+        let pulled = motion(MotionKind::FreeDecay, [2.0, 0.02], [0.9, 0.03]);
+        let gusts = motion(MotionKind::Gusts, [2.01, 0.03], [1.4, 0.1]);
+        let found = beside(pulled.clone(), Some(gusts.clone())).status;
+        let open = ["resonance_hz", "damping_per_s", "damping_ratio"].map(|name| found.leaves_open(name));
+        assert_eq!(open, [false, true, true], "{found}");
+        let said = found.to_string();
+        for words in ["a motion in gusts explains the record about as well", "1.400", "--kind"] {
+            assert!(said.contains(words), "{said}");
+        }
+        // One that says the same, or none.
+        let alike = motion(MotionKind::Gusts, [2.01, 0.03], [0.92, 0.1]);
+        assert_eq!(beside(pulled.clone(), Some(alike)).status, Status::Ok);
+        assert_eq!(beside(gusts, None).status, Status::Ok);
+    }
 }

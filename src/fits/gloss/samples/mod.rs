@@ -150,7 +150,7 @@ pub struct GlossSampleFit {
     /// Logarithm of the evidence of each lobe, in the order of [`LobeKind`]: the likelihood of the readings with the
     /// noise at its best, less ½ ln n for each parameter. Only differences mean something; NaN: not computed.
     pub evidence: Vec<f64>,
-    /// Lobes with as much evidence, where the lobe was chosen by it; their values have widened the errors.
+    /// Lobes with about as much evidence, where nobody stated the lobe; their values have widened the errors.
     pub tied: Vec<LobeKind>,
     /// The lobe that describes the leaf far better, and whether it describes it to its noise.
     pub better: Option<(LobeKind, bool)>,
@@ -203,7 +203,10 @@ pub fn fit(samples: &[GlossSample], settings: &GlossFitSettings) -> std::result:
         // on the lobe, so its error stays that of this one.
         let as_well = |k: &usize| (-TIED..=FAR_BETTER).contains(&(evidence[*k] - evidence[chosen])) && *k != chosen;
         let rho_s_err = out.rho_s_err;
-        (0..all.len()).filter(as_well).for_each(|k| out.hold(&all[k].1.report()));
+        for k in (0..all.len()).filter(as_well) {
+            out.tied.push(all[k].0);
+            out.hold(&all[k].1.report());
+        }
         out.rho_s_err = rho_s_err;
     }
     out.ask_index(samples, all[chosen].0, settings, evidence[chosen]);

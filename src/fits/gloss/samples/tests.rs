@@ -123,7 +123,7 @@ fn a_wrong_lobe_is_never_ok_and_the_right_one_is_named() {
     for seed in 0..2 {
         let samples = COATED.table(&rings(&[20.0, 40.0, 60.0]), [3e-4, 0.01], seed);
         let said = status(&samples, &GlossFitSettings::default());
-        assert!(said.starts_with("undetermined: rho_d_a rho_d_b rho_s m tilt tilt_y ("), "{said}");
+        assert!(said.starts_with("undetermined: rho_d_a; rho_d_b; rho_s; m; tilt; tilt_y ("), "{said}");
         assert!(said.contains("--lobe cook-torrance describes it"), "{said}");
         assert_eq!(status(&samples, &with(LobeChoice::Of(LobeKind::CookTorrance))), "ok");
         let f = fit(&samples, &with(LobeChoice::Auto)).unwrap();
@@ -271,7 +271,7 @@ fn impossible_leaves_are_not_ok() {
     let said = status(&scaled(100.0), &GlossFitSettings::default());
     assert!(said.starts_with("refused: a reflects ") && said.contains("--percent"), "{said}");
     let said = status(&scaled(12.0), &GlossFitSettings::default());
-    assert!(said.starts_with("undetermined: rho_d_a rho_d_b rho_s") && said.contains("per cent"), "{said}");
+    assert!(said.starts_with("undetermined: rho_d_a; rho_d_b; rho_s") && said.contains("per cent"), "{said}");
     let said = status(&scaled(0.01), &GlossFitSettings { percent: true, ..GlossFitSettings::default() });
     assert!(said.starts_with("refused: ") && said.contains("leave --percent out"), "{said}");
 

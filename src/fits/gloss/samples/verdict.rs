@@ -158,10 +158,10 @@ pub(super) fn status(
     reasons.extend(f.taken.clone());
     if !f.tied.is_empty() {
         let tied: Vec<String> = f.tied.iter().map(ToString::to_string).collect();
-        reasons.push(format!("{} and {} describe the leaf equally well", f.lobe.name(), tied.join(" and ")));
+        let tied = tied.join(" and ");
+        reasons.push(format!("{} and {tied} describe the leaf equally well; --lobe states which", f.lobe.name()));
     }
-    let why = if reasons.is_empty() { String::new() } else { format!(" ({})", reasons.join("; ")) };
-    Status::Undetermined(format!("{}{why}", names.join(" ")))
+    Status::undetermined(names, &reasons.join("; "))
 }
 
 /// What no leaf has.

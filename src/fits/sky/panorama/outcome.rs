@@ -192,14 +192,13 @@ fn judged(round: &DescentRound, width: usize, from: NoiseSource) -> Adequacy {
 pub fn disputed(found: PanoramaFit, disk: &PanoramaDisk, apart: f64) -> PanoramaFit {
     let degrees = f64::to_degrees;
     let why = format!(
-        "{} (a bright disk at zenith {:.1}, azimuth {:.1} is {:.0} degrees from where the sky's brightness puts the \
-         sun: is it a lamp or a reflection, or is this no clear sky?)",
-        NAMES.join(" "),
+        "a bright disk at zenith {:.1}, azimuth {:.1} is {:.0} degrees from where the sky's brightness puts the sun: \
+         is it a lamp or a reflection, or is this no clear sky?",
         degrees(disk.zenith()),
         degrees(disk.azimuth()),
         degrees(apart),
     );
-    PanoramaFit { status: Status::Undetermined(why), ..found }
+    PanoramaFit { status: Status::undetermined(NAMES, &why), ..found }
 }
 
 fn status(
@@ -212,14 +211,16 @@ fn status(
 ) -> Status {
     if let Some(why) = misfit {
         let sure = |k: usize| held && k < 2 && known[k].error <= ANGLE_KNOWN;
-        let open: Vec<&str> = (0..4).filter(|k| !sure(*k)).map(|k| NAMES[k]).collect();
+        let open = (0..4).filter(|k| !sure(*k)).map(|k| NAMES[k]);
         let sun = if held { "; the sun is where its disk is seen" } else { "" };
-        return Status::Undetermined(format!("{} ({why}{sun})", open.join(" ")));
+        return Status::undetermined(open, &format!("{why}{sun}"));
     }
     let mut unknown: Vec<String> = Vec::new();
     if let Some((z, a)) = rival {
         unknown.push(format!(
-            "sun_zenith_deg sun_azimuth_deg (a sun at {:.1}, {:.1} fits as well)",
+            "{}; {} (a sun at {:.1}, {:.1} fits as well)",
+            NAMES[0],
+            NAMES[1],
             z.to_degrees(),
             a.to_degrees()
         ));
@@ -254,5 +255,5 @@ fn status(
     if !(scale.error <= 0.1 * scale.value) {
         unknown.push(NAMES[3].into());
     }
-    if unknown.is_empty() { Status::Ok } else { Status::Undetermined(unknown.join(" ")) }
+    Status::undetermined(unknown, "")
 }

@@ -146,7 +146,7 @@ fn no_such_leaf() -> StressRow {
         Ok(model) => model.fit(&readings, &known).status.to_string(),
         Err(why) => why,
     };
-    let names = asked.map(FoliarParameter::column).join(" ");
+    let names = asked.map(FoliarParameter::column).join("; ");
     let expected = format!("undetermined: {names} (the model does not describe this leaf");
     row("a leaf that cannot exist", &expected, verdict, None, clock)
 }

@@ -45,7 +45,7 @@ fn cases() -> Vec<Case> {
         Case { name: "goniometer, the right lobe", ..Case::default() },
         Case {
             name: "goniometer, a leaf with Fresnel reflectance taken for beckmann",
-            expected: "undetermined: rho_d_a rho_d_b rho_s m tilt tilt_y (the model does not describe this leaf: ",
+            expected: "undetermined: rho_d_a; rho_d_b; rho_s; m; tilt; tilt_y (the model does not describe this leaf: ",
             lobe: COATED,
             rho_s: 0.9,
             tilt: [0.0; 2],
@@ -67,7 +67,7 @@ fn cases() -> Vec<Case> {
         },
         Case {
             name: "goniometer, the mirror side at azimuth 0",
-            expected: "undetermined: rho_d_a rho_d_b rho_s m tilt tilt_y (",
+            expected: "undetermined: rho_d_a; rho_d_b; rho_s; m; tilt; tilt_y (",
             spoil: |samples| {
                 // One source: several would show that no leaf is like this.
                 samples.truncate(samples.len() / 3);
@@ -83,7 +83,7 @@ fn cases() -> Vec<Case> {
         },
         Case {
             name: "goniometer, one wrong reading",
-            expected: "undetermined: rho_d_a rho_d_b rho_s m tilt tilt_y (the model does not describe this leaf: ",
+            expected: "undetermined: rho_d_a; rho_d_b; rho_s; m; tilt; tilt_y (the model does not describe this leaf: ",
             spoil: |samples| samples[31].values[1] += 0.05,
             ..Case::default()
         },

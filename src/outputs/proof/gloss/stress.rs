@@ -44,7 +44,7 @@ impl Default for Case {
 }
 
 fn cases() -> Vec<Case> {
-    let all = "rho_d_r rho_d_g rho_d_b rho_s_r rho_s_g rho_s_b m tilt";
+    let all = "rho_d_r; rho_d_g; rho_d_b; rho_s_r; rho_s_g; rho_s_b; m; tilt";
     vec![
         Case { name: "m = 0.01", truth: GlossFitTruth { m: 0.01, ..COMMON }, ..Case::default() },
         Case {
@@ -56,13 +56,13 @@ fn cases() -> Vec<Case> {
         Case {
             name: "m = 0.9, weak gloss",
             truth: GlossFitTruth { m: 0.9, rho_d: [0.3, 0.4, 0.3], rho_s: [0.005; 3], ..COMMON },
-            expected: "undetermined: rho_s_r rho_s_g rho_s_b m".into(),
+            expected: "undetermined: rho_s_r; rho_s_g; rho_s_b; m".into(),
             ..Case::default()
         },
         Case {
             name: "rho_s = 0",
             truth: GlossFitTruth { rho_s: [0.0; 3], ..COMMON },
-            expected: "undetermined: rho_s_r rho_s_g rho_s_b m".into(),
+            expected: "undetermined: rho_s_r; rho_s_g; rho_s_b; m".into(),
             ..Case::default()
         },
         Case {
@@ -95,7 +95,7 @@ fn cases() -> Vec<Case> {
         Case {
             name: "one channel without readings",
             spoil: |t| t.iter_mut().for_each(|v| v[2] = f32::NAN),
-            expected: "undetermined: rho_d_b rho_s_b".into(),
+            expected: "undetermined: rho_d_b; rho_s_b".into(),
             ..Case::default()
         },
         Case {
