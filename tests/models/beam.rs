@@ -80,25 +80,44 @@ fn record_of(fit: &Path) -> String {
     std::fs::read_to_string(fit.join("fit.toml")).unwrap()
 }
 
-/// Taper and load are determined where only the radius is missing, and the sentence at the end says so.
+/// Taper and load are determined where only the radius is missing, and the sentence at the end says so. Where nobody
+/// stated the load and one at the tip would do as well, the taper is open, and the row has both answers.
 #[test]
 fn what_was_found_is_said() {
     let twig = concat!(env!("CARGO_MANIFEST_DIR"), "/data/branches/elm-twig.csv");
-    let (code, out, said) = mesophyll(&["fit", "beam", "--deflections", twig, "--positions", "axis"], "");
-    let answer = table(&out);
-    assert!(code == 0 && (cell(&answer, 0, "alpha") / 0.25 - 1.0).abs() < 0.1);
+    let fit = |load: &[&str]| {
+        let args = [&["fit", "beam", "--deflections", twig, "--positions", "axis"], load].concat();
+        let (code, out, said) = mesophyll(&args, "");
+        assert_eq!(code, 0, "{said}");
+        (table(&out), said)
+    };
+    let (even, said) = fit(&["--load", "even"]);
+    assert!((cell(&even, 0, "alpha") / 0.25 - 1.0).abs() < 0.1);
     let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch has alpha, load_over_stiffness_mm \
      and tip_mm, but not root_radius_mm";
     assert_eq!(said.lines().last(), Some(want));
-    // Nobody stated the load, and a load at the tip would do as well.
-    assert!(
-        said.starts_with("the load is taken as spread evenly along the branch; ") && said.contains("--load"),
-        "{said}"
-    );
-    assert!(said.contains("a load at the tip"), "{said}");
-    let stated = mesophyll(&["fit", "beam", "--deflections", twig, "--positions", "axis", "--load", "even"], "");
-    assert_eq!(stated.1, out);
-    assert!(stated.2.starts_with("the load is taken as spread evenly along the branch, as stated"), "{}", stated.2);
+    assert!(said.starts_with("the load is taken as spread evenly along the branch, as stated"), "{said}");
+    let (tip, _) = fit(&["--load", "tip"]);
+    let (open, said) = fit(&[]);
+    assert!(said.starts_with("the load is taken as spread evenly along the branch; ") && said.contains("--load"));
+    let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch has tip_mm, but not alpha, \
+     load_over_stiffness_mm and root_radius_mm";
+    assert_eq!(said.lines().last(), Some(want));
+    let status = open.1[0].last().unwrap();
+    for words in [
+        "undetermined: alpha; load_over_stiffness_mm; root_radius_mm (no load was stated",
+        &format!("with alpha {:.2} ± ", cell(&even, 0, "alpha")),
+        &format!("a load at the tip with alpha {:.2} ± ", cell(&tip, 0, "alpha")),
+        "state --load",
+    ] {
+        assert!(status.contains(words), "{status}\nlacks {words}");
+    }
+    // The errors hold both answers.
+    for name in ["alpha", "load_over_stiffness_mm"] {
+        let apart = (cell(&even, 0, name) - cell(&tip, 0, name)).abs();
+        let error = cell(&open, 0, &format!("{name}_err"));
+        assert!(cell(&open, 0, name) == cell(&even, 0, name) && error > 0.5 * apart && error < apart, "{name} {error}");
+    }
     let folder = tempfile::tempdir().unwrap();
     let rows = folder.path().join("rows.csv");
     let args = [
@@ -116,8 +135,37 @@ fn what_was_found_is_said() {
     let counts: serde_json::Value = serde_json::from_str(&mesophyll(&args, "").1).unwrap();
     assert_eq!(
         counts["found"],
-        serde_json::json!({"alpha": 1, "load_over_stiffness_mm": 1, "root_radius_mm": 0, "tip_mm": 1})
+        serde_json::json!({"alpha": 0, "load_over_stiffness_mm": 0, "root_radius_mm": 0, "tip_mm": 1})
     );
+}
+
+/// A photographed twig whose load nobody stated: not `ok`, not "Good", and what to do next is to state the load.
+#[test]
+fn a_load_that_was_not_stated_is_what_to_state_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let [marks, fit, page] = ["twig.csv", "twig", "twig.md"].map(|name| folder.path().join(name));
+    let mut text = String::from("branch,length_mm,position_mm,deflection_mm,load_n,modulus_gpa\n");
+    for (position, deflection) in [(100, 2.1), (200, 9.3), (300, 23.5), (400, 44.0)] {
+        text += &format!("twig,400,{position},{deflection},0.5,8\n");
+    }
+    std::fs::write(&marks, text).unwrap();
+    let [marks, fit, page] = [&marks, &fit, &page].map(|path| path.to_str().unwrap());
+    let args = ["--quiet", "fit", "beam", "--deflections", marks, "--noise", "0.5", "-o", fit];
+    let (code, out, said) = mesophyll(&args, "");
+    assert!(code == 0 && said.is_empty(), "{said}");
+    let row = table(&out);
+    let status = row.1[0].last().unwrap();
+    assert!(status.starts_with("undetermined: alpha; load_over_stiffness_mm; root_radius_mm ("), "{status}");
+    assert!(cell(&row, 0, "alpha_err") > 0.1, "{out}");
+    let (code, _, said) = mesophyll(&["report", fit, "-o", page], "");
+    assert_eq!(code, 0, "{said}");
+    let text = std::fs::read_to_string(page).unwrap();
+    let next = text.lines().find(|line| line.starts_with("What to measure next")).unwrap_or_default();
+    assert!(next.contains("--load") && next.contains("a load at the tip") && !next.contains("times as many"), "{text}");
+    assert!(!text.contains("met its mark") && text.contains("not determined by the data"), "{text}");
+    let args = ["--quiet", "fit", "beam", "--deflections", marks, "--noise", "0.5", "--load", "even"];
+    let (_, out, _) = mesophyll(&args, "");
+    assert_eq!(table(&out).1[0].last().unwrap(), "ok");
 }
 
 /// Deflections of `eval beam` are used as marks, and `fit beam --deflections` recovers the beam.

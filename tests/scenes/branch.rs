@@ -259,7 +259,7 @@ fn a_branch_takes_its_taper_and_load_from_a_measured_one() {
     let run = |data: &Path| {
         let out = assert_cmd::Command::cargo_bin("mesophyll")
             .unwrap()
-            .args(["fit", "beam", "--positions", "axis", "--deflections"])
+            .args(["fit", "beam", "--positions", "axis", "--load", "even", "--deflections"])
             .arg(data)
             .arg("-o")
             .arg(&fit)

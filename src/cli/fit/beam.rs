@@ -46,7 +46,8 @@ pub struct Args {
     positions: PositionReference,
     /// With --deflections: how the load hangs on the branch: tip, even (along the branch), own-weight (in proportion to
     /// the cross-section), or the distance of a single load from the root, up to 1 as a share of the length and above 1
-    /// in mm. Without it the load is taken as even, and a branch whose readings speak for another is undetermined
+    /// in mm. Without it the load is taken as even, and a branch whose readings leave another load with another taper
+    /// open is undetermined
     #[arg(long, value_name = "LOAD", requires = "deflections")]
     load: Option<Load>,
     /// With --deflections: standard error of a deflection where the file states none (default: from the scatter)

@@ -163,7 +163,6 @@ pub fn notes(
     fits: &[std::result::Result<BranchFit, String>],
     load: Option<Load>,
 ) -> Vec<String> {
-    let found = || branches.iter().zip(fits).filter_map(|(b, f)| f.as_ref().ok().map(|f| (&b.name, f)));
     let mut notes = vec![match load {
         Some(load) => format!("the load is taken as {}, as stated", load.words()),
         None => format!(
@@ -171,17 +170,6 @@ pub fn notes(
             Load::Even.words()
         ),
     }];
-    let others = found().filter_map(|(name, f)| f.other.as_ref().filter(|o| !o.stronger()).map(|o| (name, o)));
-    let others: Vec<_> = others.collect();
-    if let Some((name, other)) = others.first() {
-        let words = other.words();
-        notes.push(match others.len() {
-            1 => format!("branch {name} would be explained about as well by {words}: only --load can tell"),
-            n => format!(
-                "{n} branches would be explained about as well by another load, {name} by {words}: only --load can tell"
-            ),
-        });
-    }
     for (named, fit) in branches.iter().zip(fits) {
         let left = fit.as_ref().map_or(&[][..], |f| &f.left_out);
         let all: Vec<&String> = named.unread.iter().chain(left).collect();

@@ -2,7 +2,8 @@
 //!
 //! A load of another kind looks much like an even one on another taper: a load at the tip of an untapered branch like
 //! an even load on a taper of .65, to .2 % of the tip's deflection. So readings seldom tell loads apart, and the load
-//! is stated ([`Load`]) or taken as even. What can be asked is whether the readings speak against an even load.
+//! is stated ([`Load`]) or taken as even. Where it is taken as even, the taper is known only if no other load that the
+//! readings leave open gives another one.
 //!
 //! Each load is weighed by the probability with which it foretells the readings. Whether the branch tapers is not known
 //! beforehand either: it is taken, at even chances, as untapered (a rod, a stick of one thickness) or as of any taper.
@@ -13,6 +14,7 @@
 
 use super::curve::{BranchFitMarks, PRECISION};
 use super::fit::{BranchEstimate, DeflectionMark, PositionReference};
+use mesophyll_base::solvers::Fit;
 use mesophyll_plants::mechanics::load::Load;
 
 /// Places of a single load that are tried, as shares of the length.
@@ -27,8 +29,9 @@ pub const SUBSTANTIAL: f64 = 5.0;
 const FAR: f64 = 6.0;
 /// The least taper of a branch: tips of a fiftieth of the root's radius.
 const LEAST: f64 = 0.02;
-/// A load that is less than this many times as probable as an even one is not worth a word.
-const POSSIBLE: f64 = 0.1;
+/// A load that is at least this many times as probable as an even one is left open by the readings: one chance in
+/// twenty, as a 95 % interval leaves out.
+const POSSIBLE: f64 = 0.05;
 
 /// What the readings say of a load that was not assumed.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +40,8 @@ pub struct AlternativeLoad {
     pub load: Load,
     /// The taper that it gives; 1 without an error where the readings need none.
     pub taper: BranchEstimate,
+    /// The load over stiffness (mm) that it gives.
+    pub load_over_stiffness: f64,
     /// χ² of that fit.
     pub chi2: f64,
     /// How many times as probable it is as the load that was assumed.
@@ -47,6 +52,23 @@ impl AlternativeLoad {
     /// Whether it speaks against the load that was assumed.
     pub fn stronger(&self) -> bool {
         self.odds > SUBSTANTIAL
+    }
+
+    /// How well it explains the readings beside the load that was assumed.
+    pub fn how_well(&self) -> &'static str {
+        match self.odds {
+            odds if odds >= 100.0 => "far better",
+            odds if odds > SUBSTANTIAL => "as well or better",
+            odds if odds >= 1.0 / SUBSTANTIAL => "about as well",
+            _ => "nearly as well",
+        }
+    }
+
+    /// The error (in the unit of `found`) of a number that the assumed load puts at `found` and this one at `other`:
+    /// beside its own error, their distance, weighed by the probability that this load is the right one.
+    pub fn widened(&self, found: BranchEstimate, other: f64) -> BranchEstimate {
+        let share = if self.odds.is_finite() { self.odds / (1.0 + self.odds) } else { 1.0 };
+        BranchEstimate { error: found.error.hypot((other - found.value) * share.sqrt()), ..found }
     }
 
     /// What it says, as a part of a sentence.
@@ -70,12 +92,14 @@ impl AlternativeLoad {
 struct Weighed {
     load: Load,
     taper: BranchEstimate,
+    /// Load over stiffness (mm) with the taper free, and held at 1.
+    over_stiffness: [f64; 2],
     chi2: f64,
     rod: f64,
 }
 
-/// The other load that the readings speak for most, where it is worth a word: about as probable as an even load, and
-/// with a taper that differs by more than its error. `stated`: whether deflections have errors.
+/// The other load that the readings speak for most, of those that they leave open and that give a taper which differs
+/// by more than the errors or are clearly more probable than an even load. `stated`: whether deflections have errors.
 pub fn against_even(
     readings: &[DeflectionMark],
     length: f64,
@@ -92,10 +116,13 @@ pub fn against_even(
         let error = taper * free.uncertainty.stderr.first()?;
         // Where 1 is far from the taper that fits, so is the fit with it.
         let far = (taper - 1.0).abs() > FAR * error;
-        let rod =
-            if far { f64::INFINITY } else { 2.0 * BranchFitMarks { load, untapered: true, ..marks }.glance().cost };
+        let held = (!far).then(|| BranchFitMarks { load, untapered: true, ..marks }.glance());
+        let rod = held.as_ref().map_or(f64::INFINITY, |held| 2.0 * held.cost);
         let rod = if rod.is_nan() { f64::INFINITY } else { rod };
-        Some(Weighed { load, taper: BranchEstimate { value: taper, error }, chi2: 2.0 * free.cost, rod })
+        let amplitude = |fit: &Fit| length * fit.params.last().copied().unwrap_or(f64::NAN);
+        let over_stiffness = [amplitude(&free), held.as_ref().map_or(f64::NAN, amplitude)];
+        let taper = BranchEstimate { value: taper, error };
+        Some(Weighed { load, taper, over_stiffness, chi2: 2.0 * free.cost, rod })
     };
     let even = weigh(Load::Even)?;
     let single = [Load::Tip, Load::OwnWeight].map(|load| weigh(load).into_iter().collect::<Vec<_>>());
@@ -129,11 +156,17 @@ pub fn against_even(
         let best = group.iter().max_by(|a, b| total(a).total_cmp(&total(b)))?;
         let odds = group.iter().map(|w| (total(w) - reference).exp()).sum::<f64>() / group.len() as f64;
         let [tapered, rod] = parts(best);
-        let taper = if rod > tapered { BranchEstimate { value: 1.0, error: 0.0 } } else { best.taper };
-        Some(AlternativeLoad { load: best.load, taper, chi2: if rod > tapered { best.rod } else { best.chi2 }, odds })
+        let [free, held] = best.over_stiffness;
+        let (taper, load_over_stiffness, chi2) = match rod > tapered {
+            true => (BranchEstimate { value: 1.0, error: 0.0 }, held, best.rod),
+            false => (best.taper, free, best.chi2),
+        };
+        Some(AlternativeLoad { load: best.load, taper, load_over_stiffness, chi2, odds })
+    };
+    let open = |other: &AlternativeLoad| {
+        let apart = (other.taper.value - even.taper.value).abs() > other.taper.error.hypot(even.taper.error);
+        other.odds >= POSSIBLE && (apart || other.stronger())
     };
     let groups = single.iter().chain([&placed]);
-    let best = groups.filter_map(|g| other(g)).max_by(|a, b| a.odds.total_cmp(&b.odds))?;
-    let apart = (best.taper.value - even.taper.value).abs() > best.taper.error.hypot(even.taper.error);
-    (best.odds > POSSIBLE && (apart || best.stronger())).then_some(best)
+    groups.filter_map(|g| other(g)).filter(open).max_by(|a, b| a.odds.total_cmp(&b.odds))
 }

@@ -173,6 +173,10 @@ fn measured(
     let wider = |k: usize| adequacy.widening.get(k).copied().unwrap_or(1.0);
     let taper = BranchEstimate { value: alpha, error: alpha * u.stderr[0] * wider(0) };
     let load_over_stiffness = BranchEstimate { value: amplitude * length, error: u.stderr[1] * length * wider(1) };
+    let [taper, load_over_stiffness] = match &other {
+        Some(o) => [o.widened(taper, o.taper.value), o.widened(load_over_stiffness, o.load_over_stiffness)],
+        None => [taper, load_over_stiffness],
+    };
     let correlation = u.correlation(0, 1);
     let tip = tip(marks, &fit, wider(0).max(wider(1)));
     let given = [branch.load[0], branch.modulus[0]].iter().all(|v| v.is_finite());
@@ -249,24 +253,26 @@ impl Doubts<'_> {
             NAMES.iter().zip(&mut open).filter(|(n, _)| names.contains(n)).for_each(|(_, o)| *o = true);
             reasons.push(why);
         };
-        let stronger = self.other.filter(|other| other.stronger());
         if let Some(why) = &self.misfit {
             doubt(&NAMES, why.clone());
         }
-        if let Some(other) = stronger {
+        let [taper, over_stiffness, radius, _] = self.values;
+        if let Some(other) = self.other {
             // What the tip does hardly depends on the load.
+            let own = taper.value * self.fit.uncertainty.stderr[0];
             doubt(
                 &NAMES[..3],
                 format!(
-                    "no load was stated and an even one taken, chi2 {:.3}; {} explains the readings {}; state --load",
+                    "no load was stated and an even one taken, with alpha {:.2} ± {own:.2} (chi2 {:.3}); {} explains \
+                     the readings {}; state --load",
+                    taper.value,
                     self.fit.uncertainty.chi2,
                     other.words(),
-                    if other.odds < 100.0 { "as well or better" } else { "far better" }
+                    other.how_well()
                 ),
             );
         }
-        let [taper, over_stiffness, radius, _] = self.values;
-        if self.misfit.is_none() && stronger.is_none() {
+        if self.misfit.is_none() && !self.other.is_some_and(AlternativeLoad::stronger) {
             for (names, why) in bounds::impossible(self.branch, self.load, taper, over_stiffness, radius) {
                 doubt(names, why);
             }
@@ -278,19 +284,15 @@ impl Doubts<'_> {
         if !given {
             reasons.push(TIED.into());
         }
-        let names: Vec<String> =
-            NAMES.iter().zip(open).filter(|(_, open)| *open).map(|(n, _)| self.bounded(n)).collect();
-        match (names.is_empty(), reasons.is_empty()) {
-            (true, _) => Status::Ok,
-            (false, true) => Status::Undetermined(names.join(" ")),
-            (false, false) => Status::Undetermined(format!("{} ({})", names.join(" "), reasons.join("; "))),
-        }
+        let names = NAMES.iter().zip(open).filter(|(_, open)| *open).map(|(n, _)| self.bounded(n));
+        Status::undetermined(names, &reasons.join("; "))
     }
 
     /// The name of a number that is open. At a bound of the model's range, one side of the taper's interval is known.
     fn bounded(&self, name: &str) -> String {
         let (taper, sigma) = (self.values[0], self.fit.uncertainty.stderr[0]);
-        if name != NAMES[0] || !self.fit.at_bound.contains(&0) || self.misfit.is_some() || !(2.0 * sigma < 3.0) {
+        let doubted = self.misfit.is_some() || self.other.is_some();
+        if name != NAMES[0] || !self.fit.at_bound.contains(&0) || doubted || !(2.0 * sigma < 3.0) {
             return name.into();
         }
         if taper.value > (TAPER_MIN * TAPER_MAX).sqrt() {

@@ -5,6 +5,7 @@ use super::deflections::{self, NamedBranch};
 use super::fit::{BranchEstimate, BranchFit, PositionReference, termination};
 use crate::branch::{Error, Result};
 use crate::record::maker;
+use crate::record::next::NextMeasurement;
 use crate::record::{FitKind, FitParameter, FitRecord, RecordSection, ResidualStatistics};
 use mesophyll_base::solvers::Termination;
 use mesophyll_files::table::InputTable;
@@ -97,14 +98,38 @@ pub fn of_branches(
         }
         record.sections.insert(format!("branch {name}"), section);
     }
+    let asked = branches.iter().zip(fits).filter_map(|(b, fit)| load_is_asked(&b.name, fit.as_ref().ok()?));
+    record.next_measurement = asked.max_by(|a, b| a.error_now.total_cmp(&b.error_now));
     record
+}
+
+/// To state the load, where another than the assumed one gives another branch: no number of marks would tell.
+fn load_is_asked(name: &str, m: &BranchFit) -> Option<NextMeasurement> {
+    let other = m.other.as_ref()?;
+    let u = &m.fit.uncertainty;
+    let then = [u.stderr[0], u.stderr[1] / m.fit.params[1].abs()];
+    let all = [("alpha", m.taper), ("load_over_stiffness", m.load_over_stiffness)].into_iter().zip(then);
+    let now = all.map(|((quantity, k), then)| (quantity, k.error / k.value.abs(), then)).filter(|q| q.1.is_finite());
+    let (quantity, error_now, error_then) = now.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let sentence = format!(
+        "branch {name}: the load was not stated; an even one gives alpha {:.2}, and {} explains the readings {}; state \
+         how the load hangs (--load), because more marks seldom tell loads apart",
+        m.taper.value,
+        other.words(),
+        other.how_well()
+    );
+    Some(NextMeasurement { quantity: format!("branch {name}.{quantity}"), error_now, error_then, sentence })
 }
 
 fn describe(section: &mut RecordSection, m: &BranchFit) {
     let u = &m.fit.uncertainty;
+    let status = m.status.to_string();
+    let why = status.split_once(" (").and_then(|(_, why)| why.strip_suffix(')'));
+    let why = why.unwrap_or("relative standard error above 10 %");
     let mut add = |name: &str, k: BranchEstimate, unit: &str| {
-        let unknown = !(k.error <= 0.1 * k.value.abs());
-        let undetermined = if unknown { vec![format!("{name}: {}", m.status)] } else { Vec::new() };
+        let column = if unit.is_empty() { name.to_string() } else { format!("{name}_{unit}") };
+        let unknown = m.status.leaves_open(&column);
+        let undetermined = if unknown { vec![format!("{name}: {why}")] } else { Vec::new() };
         section.params.insert(
             name.into(),
             FitParameter {

@@ -152,7 +152,7 @@ fn what_no_branch_has_is_not_ok() {
     let mega = said(Load::Even, &|b| b.modulus[0] *= 1e3);
     assert!(mega.starts_with("undetermined: root_radius_mm (modulus_gpa") && mega.contains("MPa"), "{mega}");
     let height = said(Load::Even, &|b| b.readings.iter_mut().for_each(|r| r.deflection = -r.deflection));
-    assert!(height.contains("load_over_stiffness_mm root_radius_mm (") && height.contains("heights"), "{height}");
+    assert!(height.contains("load_over_stiffness_mm; root_radius_mm (") && height.contains("heights"), "{height}");
     let thick = said(Load::Even, &|b| b.load[0] *= 1e6);
     assert!(thick.contains("root_radius_mm (a root radius") && thick.contains("load_n in N"), "{thick}");
     // A rod with a load at its tip, taken for one that hangs half way, would have to be thicker at its tip.
@@ -191,13 +191,18 @@ fn a_load_of_another_kind_is_noticed_or_stated() {
         assert!((stated.taper.value - 1.0).abs() < 4.0 * stated.taper.error, "{:?}", stated.taper);
         assert!((stated.root_radius.value - truth.root_radius()).abs() < 4.0 * stated.root_radius.error);
     }
-    // An even load that nobody stated stays `ok` where the taper is not the one of a rod.
+    // An even load that nobody stated is told from others by precise readings. Rougher ones leave the taper open, and
+    // its error says so, but not the tip's deflection.
     let even = BranchFitTruth { alpha: 0.35, ..BranchFitTruth::default() };
-    let sure = (0..12).filter(|seed| {
-        let b = branch(&even, 12, 0.005, 50 + seed, PositionReference::Branch);
-        fit(&b, PositionReference::Branch, None).unwrap().status == Status::Ok
-    });
-    assert!(sure.count() >= 11);
+    let unstated = |noise: f64, seed: u64| {
+        let b = branch(&even, 12, noise, 50 + seed, PositionReference::Branch);
+        fit(&b, PositionReference::Branch, None).unwrap()
+    };
+    let sure = (0..12).filter(|seed| unstated(3e-4, *seed).status == Status::Ok).count();
+    let left = |m: &BranchFit| open(m) && m.taper.error > 0.1 * m.taper.value && !m.status.leaves_open("tip_mm");
+    let named = |m: &BranchFit| m.status.to_string().contains("with alpha 0.3") && m.status.to_string().contains("tip");
+    let rough = (0..12).map(|seed| unstated(5e-3, seed)).filter(|m| left(m) && named(m)).count();
+    assert!(sure >= 11 && rough >= 11, "{sure} and {rough} of 12");
 }
 
 /// A root that gives way turns the whole branch; no taper imitates that, and precise readings show it.
@@ -212,7 +217,7 @@ fn a_root_that_gives_way_is_not_described() {
     let m = fit(&b, PositionReference::Branch, EVEN).unwrap();
     let said = m.status.to_string();
     assert!(
-        said.starts_with("undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (the model does not"),
+        said.starts_with("undetermined: alpha; load_over_stiffness_mm; root_radius_mm; tip_mm (the model does not"),
         "{said}"
     );
     assert!(m.taper.error > 2.0 * plain.taper.error, "widened: {:?} {:?}", m.taper, plain.taper);

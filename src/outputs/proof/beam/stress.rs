@@ -144,7 +144,7 @@ pub fn rows() -> Vec<StressRow> {
             1e-3,
             |_| {},
         ),
-        measured("measured, noise 20 %", "undetermined: alpha load_over_stiffness_mm", t, 0.2, |_| {}),
+        measured("measured, noise 20 %", "undetermined: alpha; load_over_stiffness_mm", t, 0.2, |_| {}),
         measured("measured, zero load, noise only", "undetermined: alpha", t, 0.01, |b| {
             // What the noise of the same seed leaves when the deflection itself is subtracted.
             for r in &mut b.readings {
@@ -164,7 +164,7 @@ pub fn rows() -> Vec<StressRow> {
         ),
         measured(
             "measured, an outlier of 50 %",
-            "undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (the model does not describe this branch",
+            "undetermined: alpha; load_over_stiffness_mm; root_radius_mm; tip_mm (the model does not describe",
             t,
             0.01,
             |b| {
@@ -179,7 +179,7 @@ pub fn rows() -> Vec<StressRow> {
 /// Branches of another kind than the fit takes them for, and strong bends.
 fn wrong_models(t: BranchFitTruth) -> Vec<StressRow> {
     let rod = BranchFitTruth { alpha: 1.0, tip: 0.05, kind: Load::Tip, ..t };
-    let everything = "undetermined: alpha load_over_stiffness_mm root_radius_mm tip_mm (the model does not describe";
+    let everything = "undetermined: alpha; load_over_stiffness_mm; root_radius_mm; tip_mm (the model does not describe";
     vec![
         measured(
             "measured, tip hangs at .65 L, noise 0.3 %",
@@ -220,7 +220,7 @@ fn wrong_models(t: BranchFitTruth) -> Vec<StressRow> {
         }),
         measured(
             "measured, deflections as heights",
-            "undetermined: load_over_stiffness_mm root_radius_mm (the branch moves against its load",
+            "undetermined: load_over_stiffness_mm; root_radius_mm (the branch moves against its load",
             t,
             3e-3,
             |b| b.readings.iter_mut().for_each(|r| r.deflection = -r.deflection),
