@@ -82,12 +82,19 @@ pub fn mean_texel(
     )
 }
 
-/// Whether everything that came through channel `c` of the whole leaf may be noise: its mean is less than 5.5 of its
-/// standard errors.
+/// Whether everything that came through channel `c` of the whole leaf may be noise: its mean is less than
+/// [`inverse::OPAQUE`] of its standard errors.
 pub fn opaque(texels: &[LeafWideTexel], c: usize, rho_t_err: impl Fn(&LeafWideTexel, usize) -> f64) -> bool {
     let sum: f64 = texels.iter().map(|x| x.rho_t[c]).sum();
     let variance: f64 = texels.iter().map(|x| rho_t_err(x, c).powi(2)).sum();
-    sum < 5.5 * variance.sqrt()
+    sum < inverse::OPAQUE * variance.sqrt()
+}
+
+/// Relative errors of σa and σs in a channel that may be opaque: those of the mean texel's slab, which are infinite
+/// only where nothing limits a coefficient.
+pub fn relative(mean: &SlabEstimate) -> [f64; 2] {
+    let share = [mean.sigma_a_err / mean.sigma_a, mean.sigma_s_err / mean.sigma_s];
+    share.map(|share| if share.is_nan() { f64::INFINITY } else { share })
 }
 
 #[cfg(test)]

@@ -187,13 +187,9 @@ pub fn fit(
             }
         }
     }
-    for c in (0..3).filter(|&c| indeterminacy::opaque(&texels, c, rho_t_err)) {
-        // The transmittance of this channel may be nothing but noise. Then the curvature where the fit stopped says
-        // nothing about thicker slabs.
-        (rel_a[c], rel_s[c]) = (f64::INFINITY, f64::INFINITY);
-    }
     let bounds = Rgb::of(|c| {
-        if rel_a[c] <= inverse::DETERMINED && rel_s[c] <= inverse::DETERMINED {
+        let opaque = indeterminacy::opaque(&texels, c, rho_t_err);
+        if !opaque && rel_a[c] <= inverse::DETERMINED && rel_s[c] <= inverse::DETERMINED {
             return None;
         }
         let mean = indeterminacy::mean_texel(&texels, c, h, rho_t_err, &common);
@@ -203,10 +199,15 @@ pub fn fit(
             for (value, relative, estimate) in
                 [(&mut sigma_a[c], rel_a[c], mean.sigma_a), (&mut sigma_s[c], rel_s[c], mean.sigma_s)]
             {
-                if !relative.is_finite() && estimate.is_finite() {
+                if (opaque || !relative.is_finite()) && estimate.is_finite() {
                     *value = estimate;
                 }
             }
+        }
+        if opaque {
+            // The transmittance of this channel may be nothing but noise. Then the curvature where the fit stopped says
+            // nothing about thicker slabs.
+            [rel_a[c], rel_s[c]] = indeterminacy::relative(&mean);
         }
         match mean.status {
             inverse::Status::Undetermined(what) => Some(what),

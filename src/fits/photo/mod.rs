@@ -170,8 +170,8 @@ fn interior(folder: &Path, manifest: &PhotoManifest, reduced: &PhotoMaps, side: 
     for c in (0..3).filter(|&c| indeterminacy::opaque(&texels, c, |x, c| x.rho_t_floor[c])) {
         // All that came through in this channel may be noise. Then the curvature where the fit stopped says nothing
         // about thicker slabs, and the mean texel's slab is the best estimate there is.
-        relative.iter_mut().for_each(|r| r[c] = f64::INFINITY);
         let found = indeterminacy::mean_texel(&texels, c, h, |x, c| x.rho_t_floor[c], &common(&texels));
+        relative.iter_mut().zip(indeterminacy::relative(&found)).for_each(|(of, share)| of[c] = share);
         for (value, estimate) in [(&mut wide.sigma_a[c], found.sigma_a), (&mut wide.sigma_s[c], found.sigma_s)] {
             if estimate.is_finite() {
                 *value = estimate;

@@ -146,7 +146,7 @@ pub(super) fn undetermined(model: &SlabModel, m: &Measured, h: f64) -> SlabEstim
     let mut open = Vec::new();
     for (k, name) in ["sigma_a", "sigma_s"].into_iter().enumerate() {
         let may_be_opaque = m.t <= super::OPAQUE * m.t_err && range.high[k] > 0.0 && value[k] > 0.0;
-        let (low, high) = (range.low[k], if may_be_opaque { f64::INFINITY } else { range.high[k] });
+        let (low, high) = (range.low[k], range.high[k]);
         if value[k].is_infinite() {
             // The slab is opaque: the thinnest slab that explains the measurement is taken.
             value[k] = low;
@@ -157,16 +157,11 @@ pub(super) fn undetermined(model: &SlabModel, m: &Measured, h: f64) -> SlabEstim
         let edge = value[k] == 0.0 || !(err[k] <= super::DETERMINED * value[k]);
         let runaway = high - value[k] > 2.0 * WIDTH * super::DETERMINED * value[k]
             || low < (1.0 - 2.0 * WIDTH * super::DETERMINED) * value[k];
-        if !edge && !runaway {
+        if !edge && !runaway && !may_be_opaque {
             continue;
         }
         err[k] = err[k].max(super::DETERMINED * 1.01 * value[k]);
-        let bounded_below = low > 0.05 * value[k] && low > 0.0;
-        open.push(match (bounded_below, high.is_finite()) {
-            (false, true) => format!("{name} <= {}", figure(high / h, true)),
-            (true, false) => format!("{name} >= {}", figure(low / h, false)),
-            _ => name.to_string(),
-        });
+        open.push(bounded(name, [low / h, high / h], value[k] / h));
     }
     if open.is_empty() {
         // Each range alone passes, but the straight line between them does not: both parameters are named.
@@ -185,7 +180,18 @@ pub(super) fn undetermined(model: &SlabModel, m: &Measured, h: f64) -> SlabEstim
         sigma_s_err: es,
         covariance: [[ea * ea, cross], [cross, es * es]],
         condition: linear.map_or(f64::INFINITY, |l| l.condition),
-        status: Status::Undetermined(open.join("; ")),
+        status: Status::undetermined(open, ""),
+    }
+}
+
+/// The name of a coefficient with the bounds that close its interval; the lower one says something where it is more
+/// than a twentieth of the value.
+pub(super) fn bounded(name: &str, [low, high]: [f64; 2], value: f64) -> String {
+    match (low > 0.05 * value && low > 0.0, high.is_finite()) {
+        (false, true) => format!("{name} <= {}", figure(high, true)),
+        (true, false) => format!("{name} >= {}", figure(low, false)),
+        (true, true) => format!("{name} >= {} and <= {}", figure(low, false), figure(high, true)),
+        (false, false) => name.to_string(),
     }
 }
 

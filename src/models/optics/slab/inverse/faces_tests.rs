@@ -85,11 +85,14 @@ fn intervals_contain_the_truth_as_often_as_they_say() {
             wrong += usize::from(z[0].abs() > 4.0 || z[1].abs() > 4.0);
         } else if let Status::Undetermined(text) = &e.status {
             for part in text.split("; ") {
-                let words: Vec<&str> = part.split(' ').collect();
-                let &[name, sign, bound] = &words[..] else { continue };
-                let (value, bound) = (truth[usize::from(name == "sigma_s")], bound.parse::<f64>().unwrap());
-                bounds += 1;
-                kept += usize::from(if sign == "<=" { value <= bound } else { value >= bound });
+                let words: Vec<&str> = part.split(' ').filter(|word| *word != "and").collect();
+                let [name, both @ ..] = &words[..] else { continue };
+                let value = truth[usize::from(*name == "sigma_s")];
+                for pair in both.chunks(2) {
+                    let bound = pair[1].parse::<f64>().unwrap();
+                    bounds += 1;
+                    kept += usize::from(if pair[0] == "<=" { value <= bound } else { value >= bound });
+                }
             }
         }
     }

@@ -74,11 +74,12 @@ impl Measured {
 
 /// A parameter whose relative standard error is above this is not called determined.
 pub const DETERMINED: f64 = 0.1;
-/// A transmittance within this many standard errors of zero may belong to an opaque slab. The limit is so high that
-/// noise does not reach it in millions of rows.
-const OPAQUE: f64 = 5.5;
 /// A measurement that is more than this many standard errors outside the possible region is refused.
 const IMPOSSIBLE: f64 = 4.0;
+/// A transmittance within this many standard errors of zero may belong to an opaque slab, so it leaves the coefficients
+/// open. Noise puts that of an opaque slab beyond it once in 30,000 rows. It is the number at which measurements are
+/// refused: what is called impossible there is not called possible here.
+pub const OPAQUE: f64 = IMPOSSIBLE;
 /// Rounding of the measurements themselves: relative, and absolute where one is exactly zero.
 const ROUNDING: f64 = 2e-16;
 /// A transmittance below this is treated as zero: double precision resolves no more.

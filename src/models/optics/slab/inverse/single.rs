@@ -4,7 +4,7 @@
 //! value are looked for over the whole range of σ, since with reflecting faces or at strong absorption ρd need not rise
 //! with σs everywhere. The error has two parts: that of the measurement and that of the known coefficient.
 
-use super::bounds::figure;
+use super::bounds::{bounded, figure};
 use super::{DETERMINED, IMPOSSIBLE, OPAQUE, ROUNDING, SMALLEST, SlabEstimate, SlabModel, Status, thickness_trouble};
 
 /// Which share was measured.
@@ -198,19 +198,16 @@ pub fn invert_single(model: &SlabModel, single: &SingleMeasurement, thickness_mm
     // Where no slab of the range reaches the value, the range's end bounds it.
     let (low, high) = all.iter().fold((RANGE[1].exp(), 0.0_f64), |(l, u), &x| (l.min(x), u.max(x)));
     let opaque = share == SlabShare::Transmitted && value <= OPAQUE * err;
-    let high = if opaque { f64::INFINITY } else { high };
     let relative = own / centre;
     let fits = |x: f64| x > 0.6 * WIDTH * relative - 1e-3 && x < 1.6 * WIDTH * relative + 1e-3;
     let (down, up) = ((centre - low) / centre, (high - centre) / centre);
-    if regular && relative <= DETERMINED && !several && fits(down) && fits(up) {
+    if regular && relative <= DETERMINED && !several && !opaque && fits(down) && fits(up) {
         return answer(single, centre / h, own / h, Status::Ok);
     }
     let best = if centre.is_finite() { centre } else { low };
-    let text = match (low > 0.05 * best && low > 0.0, high.is_finite()) {
-        _ if several => format!("{unknown} (several values give this {name} within its error)"),
-        (false, true) => format!("{unknown} <= {}", figure(high / h, true)),
-        (true, false) => format!("{unknown} >= {}", figure(low / h, false)),
-        _ => unknown.to_string(),
+    let text = match several {
+        true => format!("{unknown} (several values give this {name} within its error)"),
+        false => bounded(unknown, [low / h, high / h], best / h),
     };
     let width = own.max(0.5 * (high - low) / WIDTH).max(1.01 * DETERMINED * best);
     let width = if width.is_nan() { f64::INFINITY } else { width };

@@ -114,12 +114,14 @@ fn stated_bounds_hold() {
         let e = invert(r.rho_d + noise * gaussian(&mut rng), r.rho_t + noise * gaussian(&mut rng), 1.0, noise, noise);
         if let Status::Undetermined(text) = &e.status {
             for part in text.split("; ") {
-                let words: Vec<&str> = part.split(' ').collect();
-                let &[name, sign, bound] = &words[..] else { continue };
-                let true_value = truth[usize::from(name == "sigma_s")];
-                let bound: f64 = bound.parse().unwrap();
-                rows += 1;
-                kept += usize::from(if sign == "<=" { true_value <= bound } else { true_value >= bound });
+                let words: Vec<&str> = part.split(' ').filter(|word| *word != "and").collect();
+                let [name, bounds @ ..] = &words[..] else { continue };
+                let true_value = truth[usize::from(*name == "sigma_s")];
+                for pair in bounds.chunks(2) {
+                    let bound: f64 = pair[1].parse().unwrap();
+                    rows += 1;
+                    kept += usize::from(if pair[0] == "<=" { true_value <= bound } else { true_value >= bound });
+                }
             }
         }
     }
@@ -203,6 +205,37 @@ fn a_transmittance_measured_below_zero_bounds_like_zero() {
         assert!(text.starts_with("undetermined: sigma_a >= ") && text.contains("; sigma_s >= "), "{t}: {text}");
         assert!(e.sigma_a.is_finite() && e.sigma_a_err.is_infinite(), "{t}: {e:?}");
     }
+}
+
+/// Where the transmittance is two to four errors above zero, the slab may be opaque and the coefficients stay open, but
+/// their intervals are closed at two standard errors and so are the errors. Beyond four errors they are determined.
+#[test]
+fn a_transmittance_above_zero_closes_the_interval() {
+    let (truth, h, noise) = ([22.2, 1.6], 0.16, 2e-3);
+    let r = response(truth[0], truth[1], h);
+    let mut last = f64::INFINITY;
+    for z in [2.2, 3.0, 3.8, 4.2, 5.0, 5.5, 6.0, 9.0] {
+        let e = invert(r.rho_d, z * noise, h, noise, noise);
+        let open = e.status.leaves_open("sigma_a");
+        assert!(open == (z < 4.0), "{z}: {e:?}");
+        assert!(e.sigma_a_err.is_finite() && e.sigma_a_err <= last, "{z}: {e:?}");
+        assert!((e.sigma_a_err > DETERMINED * e.sigma_a) == open, "{z}: {e:?}");
+        last = e.sigma_a_err;
+        let text = e.status.to_string();
+        if open {
+            // Both bounds are those of the slabs at two errors less and more light.
+            let both: Vec<f64> = text.split([' ', ';']).skip(1).filter_map(|w| w.parse().ok()).take(2).collect();
+            let at = |t: f64| invert(r.rho_d, t, h, 1e-9, 1e-9).sigma_a;
+            let want = [at((z + 2.0) * noise), at((z - 2.0) * noise)];
+            assert!(text.contains("sigma_a >= ") && text.contains(" and <= "), "{text}");
+            for (got, want) in both.iter().zip(want) {
+                assert!((got / want - 1.0).abs() < 0.1, "{z}: {text}, expected {want:?}");
+            }
+        }
+    }
+    // Within two errors of zero nothing limits the value.
+    let e = invert(r.rho_d, 1.9 * noise, h, noise, noise);
+    assert!(e.sigma_a_err.is_infinite() && !e.status.to_string().contains("<="), "{e:?}");
 }
 
 /// Away from the edges the largest errors that count as determined carry over linearly, so nobody has to ask the model.
