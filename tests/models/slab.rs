@@ -302,3 +302,26 @@ fn real_leaves_get_an_honest_status() {
         }
     }
 }
+
+/// A noise in per cent beside readings in per cent is a share of 1 all the same: refused where it exceeds the readings,
+/// doubted where it is only larger than any instrument's.
+#[test]
+fn a_noise_in_per_cent_is_noticed() {
+    let dark = "leaf,rho_d,rho_t,h\na,4.2,1.3,0.16\nb,5.1,2.2,0.2\nc,9.0,7.5,0.2\n";
+    let (code, out, said) = mesophyll(&["fit", "slab", "--percent", "--noise", "0.2"], dark);
+    assert!(code == 2 && out.is_empty(), "{out}{said}");
+    for words in ["--noise: found 0.2, expected a share of 1", "also beside --percent", "in per cent (--noise 0.002)?"]
+    {
+        assert!(said.contains(words), "{said}\nlacks {words}");
+    }
+    let bright = "leaf,rho_d,rho_t,h\na,42,31,0.16\nb,45,40,0.2\n";
+    let (code, _, said) = mesophyll(&["fit", "slab", "--percent", "--noise", "0.2"], bright);
+    assert!(code == 0 && said.contains("20 % of all light"), "{said}");
+    for table in [dark, bright] {
+        let (code, out, said) = mesophyll(&["fit", "slab", "--percent", "--noise", "0.002"], table);
+        assert!(code == 0 && out.contains(",ok") && !said.contains("per cent"), "{out}{said}");
+    }
+    // Fractions and a noise in per cent.
+    let (code, _, said) = mesophyll(&["fit", "slab", "--noise", "0.5"], "rho_d,rho_t,h\n0.086,0.133,0.17\n");
+    assert!(code == 2 && said.contains("--noise 0.005"), "{said}");
+}

@@ -130,6 +130,7 @@ fn wide(args: &Args, common: &CommonArgs, table: InputTable) -> Result<RowTally>
     let quantities = Quantities::of(columns);
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&table, &names, args.percent)?;
+    shares.check_noise(&table, &names, args.noise)?;
     let spec = spec(columns, quantities.outputs(args.response));
     let (name, left) = (table.name().to_path_buf(), Omissions::default());
     let tally = mesophyll_files::table::run(table, &args.io.rows(common.json), &spec, |row, out| {
@@ -157,6 +158,7 @@ fn long(args: &Args, common: &CommonArgs, table: InputTable, form: &spectra::Lon
     let quantities = Quantities::of(columns);
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&table, &names, args.percent)?;
+    shares.check_noise(&table, &names, args.noise)?;
     let mut spec = spec(columns, quantities.outputs(args.response));
     spec.required = vec![form.wavelength.clone()];
     spec.physical.push(PhysicalRange::not_negative(spec.required.clone()));

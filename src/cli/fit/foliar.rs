@@ -94,9 +94,7 @@ const SUBSTANCES: [FoliarParameter; 5] = [
 ];
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
-    if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
-        return Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more")));
-    }
+    super::check_noise(args.noise)?;
     if !(0.0..90.0).contains(&args.incidence_deg) {
         return Err(Error::Usage(format!("--incidence-deg is {}; expected 0 to below 90", args.incidence_deg)));
     }
@@ -134,6 +132,11 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         None => wide(args, common, table, &spectrum, setting, &given)?,
     };
     batch::say_tally(&tally, &args.io, common, "leaf")?;
+    progress::say(format!(
+        "contents rest on the absorptions of {}: where these are off by a factor, contents are too, and the standard \
+         errors do not hold that",
+        args.pigments.display()
+    ));
     if !stated {
         progress::say(
             "no noise is stated: the error cells are empty, and ok says only that the leaf could be fitted, not how \
@@ -228,6 +231,7 @@ fn wide(
     }
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&table, &names, args.percent)?;
+    shares.check_noise(&table, &names, args.noise)?;
     let spec = asked_of(&columns, given, model.outputs());
     let front_only = table.column("side").is_none() && columns.iter().all(|c| !c.is_abaxial());
     let stated = noise_is_stated(args, &table, &columns);
@@ -292,6 +296,7 @@ fn long(
     }
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&table, &names, args.percent)?;
+    shares.check_noise(&table, &names, args.noise)?;
     let stated = noise_is_stated(args, &table, columns);
     let mut spec = asked_of(columns, given, Vec::new());
     spec.required = vec![wavelength.clone()];

@@ -119,6 +119,7 @@ fn wide(
     let (model, wavelengths) = model(args, coefficients, columns.iter().map(|c| c.wavelength).collect());
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&input, &names, args.percent)?;
+    shares.check_noise(&input, &names, args.noise)?;
     let spec = asked_of(&columns, &[], PlateFitModel::outputs());
     let stated = noise_is_stated(args, &input, &columns);
     let name = input.name().to_path_buf();
@@ -170,6 +171,7 @@ fn long(
     }
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&input, &names, args.percent)?;
+    shares.check_noise(&input, &names, args.noise)?;
     let stated = noise_is_stated(args, &input, columns);
     let mut spec = asked_of(columns, &[], PlateFitModel::outputs());
     spec.required = vec![form.wavelength.clone()];

@@ -49,6 +49,17 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     args.what.run(common)
 }
 
+/// Checks a standard error of shares of light.
+///
+/// # Errors
+/// [`Error::Usage`] for one that is negative or no number.
+fn check_noise(noise: Option<f64>) -> Result<()> {
+    match noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
+        Some(noise) => Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more"))),
+        None => Ok(()),
+    }
+}
+
 /// Says how the fit of the folder `out` ended, and returns its record; a shard has none.
 fn ended(outcome: FitOutcome, out: &Path) -> Option<Box<FitRecord>> {
     let out = out.display();

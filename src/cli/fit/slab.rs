@@ -112,9 +112,7 @@ pub(super) const ALSO: [&[&str]; 9] = [
 ];
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
-    if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
-        return Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more")));
-    }
+    super::check_noise(args.noise)?;
     if !(0.0..1.0).contains(&args.surface) {
         return Err(Error::Usage(format!("--surface is {}; expected a reflectance of 0 to below 1", args.surface)));
     }
@@ -204,6 +202,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         PhysicalRange::not_negative([errors, vec![names[2].clone(), wavelength.clone()]].concat()),
     ];
     let shares = ReadingUnit::of(&table, &readings, args.percent)?;
+    shares.check_noise(&table, &readings, args.noise)?;
     if let Some(folder) = &args.plots {
         table.require(leaf)?;
         if !is_wide {

@@ -12,6 +12,7 @@ use crate::progress;
 use crate::table::{BatchSpec, Groups, InputTable, percent};
 use crate::unit::LengthUnit;
 use crate::{Error, Result};
+use mesophyll_base::statistics::median;
 use mesophyll_base::surface::side::Side;
 use name::SpectrumColumnName;
 use std::collections::{HashMap, HashSet};
@@ -258,6 +259,10 @@ pub fn nothing(table: &InputTable, wide: &WideSpectra, takes: &str) -> Error {
     Error::input(table.name(), what)
 }
 
+/// A standard error of shares from which on it looks like a number in per cent: no instrument is off by a twentieth of
+/// all light.
+const LARGE_NOISE: f64 = 0.05;
+
 /// In which unit a table's readings are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReadingUnit {
@@ -307,6 +312,31 @@ impl ReadingUnit {
         let must = |(_, v): &(&str, f64)| self.scale == 1.0 && percent::must_be(*v);
         let one = |(name, v): (&str, f64)| format!("{name} is {v}: {}", percent::SENTENCE);
         self.refuse(readings.clone()).or_else(|| readings.clone().find(must).map(one))
+    }
+
+    /// Judges the standard error that was stated for all readings: a share of 1, also of readings in per cent.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for one that is larger than most readings and can hardly be a share of 1.
+    pub fn check_noise(&self, table: &InputTable, columns: &[String], noise: Option<f64>) -> Result<()> {
+        let Some(noise) = noise.filter(|noise| *noise >= LARGE_NOISE && !self.unsaid) else { return Ok(()) };
+        let mut shares: Vec<f64> = table.head(columns).into_iter().map(|v| self.scale * v).collect();
+        shares.retain(|v| (-0.009..=2.0).contains(v));
+        let Some(median) = median(&mut shares) else { return Ok(()) };
+        let meant = format!("--noise {}", noise / 100.0);
+        if noise > median {
+            let expected = format!(
+                "a share of 1, also beside --percent; half of the first readings are below {median:.3}, less than \
+                 their own error: was it meant in per cent ({meant})?"
+            );
+            return Err(Error::argument("--noise", noise, expected));
+        }
+        progress::say(format!(
+            "--noise {noise} is {:.0} % of all light, more than instruments are off by: it is a share of 1, also \
+             beside --percent; was it meant in per cent ({meant})?",
+            100.0 * noise
+        ));
+        Ok(())
     }
 
     /// Whether all rows are refused.
