@@ -78,7 +78,8 @@ fn worst(record: &FitRecord) -> Option<Worst<'_>> {
                 if error.is_finite() && error > DETERMINED && worse {
                     let channel = if p.value.len() == 3 { [".R", ".G", ".B"][c] } else { "" };
                     let caliper = p.stderr_caliper.get(c).map_or(0.0, |e| share(*e));
-                    let quantity = format!("{name}.{parameter}{channel}");
+                    let place = if name == "all" { String::new() } else { format!("{name}.") };
+                    let quantity = format!("{place}{parameter}{channel}");
                     found = Some(Worst { quantity, error, caliper, section });
                 }
             }
