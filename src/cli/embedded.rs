@@ -1,8 +1,7 @@
 //! The verbs inside another program, which goes on when one has ended. The Python package calls them.
 
-use super::{Cli, Verb, command, dispatch};
+use super::{Cli, Verb, dispatch, numbers};
 use crate::cli::{Error, Result};
-use clap::FromArgMatches;
 use mesophyll_files::{progress, standard_output};
 use std::sync::{Mutex, PoisonError};
 
@@ -37,8 +36,7 @@ pub fn answer(words: &[String]) -> VerbAnswer {
 /// The command that the words are.
 fn read(words: &[String]) -> Result<Cli> {
     let all = std::iter::once("mesophyll").chain(words.iter().map(String::as_str));
-    let cli = command().try_get_matches_from(all).and_then(|matches| Cli::from_arg_matches(&matches));
-    let cli = cli.map_err(|e| Error::Usage(sentence(&e.render().to_string())))?;
+    let cli = numbers::read(all).map_err(|e| Error::Usage(sentence(&e.render().to_string())))?;
     if cli.common.threads.is_some() {
         return Err(Error::Usage("--threads: the threads are those of the program that calls this one".into()));
     }

@@ -2,7 +2,7 @@
 
 #![warn(missing_docs)]
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use mesophyll_base::processor::{self, InstructionSet};
 use mesophyll_files::{memory::left_of_limit, progress};
 use std::process::ExitCode;
@@ -27,6 +27,7 @@ mod man;
 mod memory;
 mod models;
 mod names;
+mod numbers;
 mod peers;
 mod pictures;
 mod plan;
@@ -147,7 +148,7 @@ impl Verb {
 
 /// Parses the command line, runs the verb, prints an error once.
 pub fn main() -> ExitCode {
-    let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
+    let cli = match numbers::read(std::env::args_os()) {
         Ok(cli) => cli,
         Err(e) => {
             // Help and version are answers (0); anything else is usage (2). A closed pipe is not our failure.
