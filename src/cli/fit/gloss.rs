@@ -5,6 +5,7 @@ use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use clap::builder::TypedValueParser;
 use mesophyll_capture::goniometer;
+use mesophyll_files::progress::say;
 use mesophyll_files::table::{self, BatchIo, InputTable, Omissions, RowTally};
 use mesophyll_fits::gloss::geometry::{GlossGeometry, trace_columns};
 use mesophyll_fits::gloss::samples::{self, GlossFitSettings, INDEX, LobeChoice, TiltChoice};
@@ -118,6 +119,13 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         }
     };
     batch::say_tally(&tally, &args.io, common, row)?;
+    if args.geometry.is_some() && args.lobe.is_none() {
+        say(format!(
+            "no lobe was stated and {} taken: another one may describe a trace as well, with another m and rho_s; \
+             --lobe states it",
+            LobeKind::default()
+        ));
+    }
     Ok(0)
 }
 
