@@ -58,7 +58,7 @@ fn expected(found: &str, whole: bool) -> String {
     }
     match found.parse::<f64>() {
         Ok(x) if whole && x.fract() != 0.0 => such(&x.round().to_string(), "this one has a fraction"),
-        Ok(x) if whole && (x < 0.0 || x > 1e6) => format!("{kind} in the range that --help states"),
+        Ok(x) if whole && !(0.0..=1e6).contains(&x) => format!("{kind} in the range that --help states"),
         _ => format!("{kind} such as {}", if whole { "2" } else { "0.2" }),
     }
 }
