@@ -79,6 +79,15 @@ fn the_package_has_every_verb() {
 }
 
 #[test]
+fn the_package_has_every_design() {
+    let Some(python) = python() else { return };
+    let mut command = Command::new(python);
+    command.arg("tests/python/designs.py").current_dir(root());
+    let said = done(command.env("MESOPHYLL", env!("CARGO_BIN_EXE_mesophyll")));
+    assert!(said.contains("Ran 3 tests"), "{said}");
+}
+
+#[test]
 fn the_notebooks_run() {
     let Some(python) = python() else { return };
     let program = Path::new(env!("CARGO_BIN_EXE_mesophyll")).parent().unwrap();

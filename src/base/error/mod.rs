@@ -253,7 +253,11 @@ mod tests {
         // A value of another kind is named by its key.
         let text = "a = 1\n  b.wide = \"x\"\nc = [1,\n2]\n";
         let e = toml::from_str::<std::collections::BTreeMap<String, i64>>(text).unwrap_err();
-        assert!(said(Error::toml(path, text, &e)).starts_with("a/capture.toml:2: "), "{}", said(Error::toml(path, text, &e)));
+        assert!(
+            said(Error::toml(path, text, &e)).starts_with("a/capture.toml:2: "),
+            "{}",
+            said(Error::toml(path, text, &e))
+        );
         let e = toml::from_str::<std::collections::BTreeMap<String, i64>>("wide = \"x\"\n").unwrap_err();
         let named = said(Error::toml(path, "wide = \"x\"\n", &e));
         assert!(named.starts_with("a/capture.toml:1: wide: "), "{named}");

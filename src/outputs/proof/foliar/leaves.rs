@@ -4,9 +4,9 @@
 //! The table is `leaves/lopex93_spectra.csv.gz` in the folder that `MESOPHYLL_DATA` names. LOPEX93 (Hosgood et al.
 //! 1994) may not be used commercially, so neither it nor anything trained on it is part of the program.
 
+use crate::Result;
 use crate::bench::BenchRow;
 use crate::peers::PeerInputs;
-use crate::Result;
 use mesophyll_base::statistics::median_of;
 use mesophyll_files::{progress, spectra};
 use mesophyll_fits::plates::training::{self, PlateTraining};
