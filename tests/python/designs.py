@@ -1,5 +1,5 @@
-"""Every design in the Python package, against the command line. `python designs.py`, with the program's path in MESOPHYLL
-and the repository's root as the working folder.
+"""Every design in the Python package, against the command line. `python designs.py`, with the program's path in
+MESOPHYLL and the repository's root as the working folder.
 """
 
 import json

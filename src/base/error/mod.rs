@@ -109,8 +109,8 @@ impl Error {
         Error::Argument { name: name.into(), fault: Fault::unexpected(found, expected) }
     }
 
-    /// `path:line: message`, for an input that is not the TOML it should be; unknown and missing fields are named, and so
-    /// is the field of a value that is wrong.
+    /// `path:line: message`, for an input that is not the TOML it should be; unknown and missing fields are named, and
+    /// so is the field of a value that is wrong.
     pub fn toml(path: &Path, text: &str, e: &toml::de::Error) -> Self {
         let before = e.span().map(|s| &text[..s.start.min(text.len())]);
         let line = before.map_or(0, |before| before.matches('\n').count() + 1);
