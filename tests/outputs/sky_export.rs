@@ -185,7 +185,7 @@ fn what_cannot_be_exported_is_a_sentence() {
     refused(
         &run(["export", f, "--to", "c", "--sun-zenith-deg", "95", "--turbidity", "3", "-o", to]),
         2,
-        &["below the horizon"],
+        &["--sun-zenith-deg is 95", "90 (horizon)"],
     );
     refused(
         &run(["export", f, "--to", "c", "--sun-zenith-deg", "30", "--turbidity", "8", "-o", to]),

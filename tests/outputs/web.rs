@@ -2,7 +2,7 @@
 
 use crate::common::{run, succeeded};
 use mesophyll_fits::leaf_folder::LeafFit;
-use mesophyll_viewer::scene::{Interior, SlabCurve};
+use mesophyll_viewer::scene::{Instance, Interior, SlabCurve};
 use mesophyll_web::bundle::Bundle;
 
 /// Linear interpolation in the curve, for the first channel.
@@ -22,11 +22,25 @@ fn a_scene_for_the_browser_has_its_reference_and_its_slabs() {
     let drawn = pictures.join("glance-reference.png");
     image::RgbaImage::from_pixel(800, 600, image::Rgba([9, 8, 7, 255])).save(&drawn).unwrap();
     let [to, with] = [&out, &pictures].map(|p| p.display().to_string());
-    let words = ["export", "data/scenes/glossy-sky.toml", "--to", "web", "-o", &to, "--run", &with];
-    succeeded(&run(words));
-    let bundle = Bundle::read(&std::fs::read(&out).unwrap()).unwrap();
-    let names: Vec<(&str, bool)> = bundle.views.iter().map(|v| (v.name.as_str(), v.reference.is_some())).collect();
-    assert_eq!(names, [("glance", true), ("back", false)]);
+    let exported = |scene: &str| {
+        succeeded(&run(["export", scene, "--to", "web", "-o", &to, "--run", &with]));
+        Bundle::read(&std::fs::read(&out).unwrap()).unwrap()
+    };
+    let names = |bundle: &Bundle| -> Vec<(String, bool)> {
+        bundle.views.iter().map(|v| (v.name.clone(), v.reference.is_some())).collect()
+    };
+    let expected = |there: bool| [("glance".to_string(), there), ("back".to_string(), false)];
+    // The pictures of a check show bands as they are, and this scene's pictures show them as colours.
+    assert_eq!(names(&exported("data/scenes/glossy-sky.toml")), expected(false));
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/");
+    let text = std::fs::read_to_string("data/scenes/glossy-sky.toml").unwrap();
+    let text =
+        text.replace("channels = \"bands\"\n", "").replace("../../", root).replace("../", &format!("{root}data/"));
+    let plain = folder.path().join("plain.toml").display().to_string();
+    std::fs::write(&plain, text).unwrap();
+    let words = ["export", &plain, "--to", "web", "-o", &to, "--run", &with];
+    let bundle = exported(&plain);
+    assert_eq!(names(&bundle), expected(true));
     assert_eq!(bundle.views[0].reference, Some(std::fs::read(&drawn).unwrap()));
 
     // The slabs are those of the fit. Computed again without an edit, they say what the scene says already.
@@ -67,7 +81,9 @@ fn a_fit_for_the_browser_is_wholly_in_its_pictures() {
     for view in &bundle.views {
         let camera = view.camera;
         let towards = (camera.target - camera.eye).normalize();
-        for instance in &bundle.scene.instances {
+        // The ground under the leaf reaches beyond the pictures.
+        let leaves = |instance: &&Instance| bundle.scene.leaf(instance.material).is_some();
+        for instance in bundle.scene.instances.iter().filter(leaves) {
             for p in &bundle.scene.meshes[instance.mesh].positions {
                 let seen = instance.transform.transform_point3(*p) - camera.eye;
                 let angle = seen.angle_between(towards).to_degrees();

@@ -207,7 +207,14 @@ pub(super) fn places(manifest: &TubeManifest, options: &TubeDesignOptions, more:
         // The frames of the scan themselves, unless others are asked for.
         let fine = options.candidates.or((more || own.is_empty()).then_some(100));
         let others = fine.map(|n| ramp(reach, n, limits.step_mm)).unwrap_or_default();
-        let kept = if more || fine.is_none() { own } else { Vec::new() };
+        // A frame that stays was taken, whatever the limits say now; one that is to be taken again has to be possible.
+        let whole = |p: f64| limits.step_mm.is_none_or(|step| ((p / step).round() * step - p).abs() < 1e-6);
+        let possible = |p: &f64| whole(*p) && limits.of(pass).is_none_or(|[a, b]| (a - 1e-6..=b + 1e-6).contains(p));
+        let kept = match (more, fine) {
+            (true, _) => own,
+            (false, None) => own.into_iter().filter(possible).collect(),
+            (false, Some(_)) => Vec::new(),
+        };
         let first = places.len();
         if more {
             taken.extend(first..first + kept.len());

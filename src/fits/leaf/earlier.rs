@@ -144,7 +144,8 @@ mod tests {
 
         let half = Options { shard: Some(FitShard { index: 0, count: 2 }), ..options.clone() };
         assert!(matches!(run(&capture, &grown, &half).unwrap(), FitOutcome::ShardDone { .. }));
-        assert_eq!(FitRecord::read(&grown).unwrap(), before);
+        // A number without an error has NaN, which is not equal to itself; the hash is over all that is written.
+        assert_eq!(FitRecord::read(&grown).unwrap().record_hash, before.record_hash);
         before.verify(&grown).unwrap();
 
         run(&capture, &grown, &options).unwrap();

@@ -311,7 +311,7 @@ impl ScaleBar {
     /// The longest bar of 1, 2 or 5 times a power of ten (mm) that takes at most two fifths of a picture `wide` mm
     /// wide.
     pub fn of(wide: f64) -> Option<ScaleBar> {
-        let most = 0.4 * wide;
+        let most = Some(0.4 * wide).filter(|m| *m > 0.0 && m.is_finite())?;
         let ten = 10_f64.powf(most.log10().floor());
         let mm = [5.0, 2.0, 1.0].map(|m| m * ten).into_iter().find(|mm| *mm <= most)?;
         Some(ScaleBar { mm, share: mm / wide })
