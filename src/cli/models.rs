@@ -91,7 +91,7 @@ const NONE: ModelEntry =
     ModelEntry { name: "", about: "", fit: None, eval: None, design: None, bench: None, stress: None };
 
 /// All models, in the order in which verbs name and run them. A new model adds its entry here.
-pub const MODELS: [ModelEntry; 29] = [
+pub const MODELS: [ModelEntry; 30] = [
     ModelEntry {
         name: "solve",
         about: "The solver of least squares: stiff, singular and unbounded problems",
@@ -189,6 +189,7 @@ pub const MODELS: [ModelEntry; 29] = [
         stress: Some(wind::rows),
         ..NONE
     },
+    ModelEntry { name: "sun", eval: verb!(eval::sun, "Where the sun stands, by hour, season and latitude"), ..NONE },
     ModelEntry { name: "sway", eval: verb!(eval::sway, "Where the tips of a scene's branches are, over time"), ..NONE },
     ModelEntry {
         name: "sky",

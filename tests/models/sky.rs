@@ -225,3 +225,36 @@ fn windows_and_ground() {
     }
     assert_eq!(mesophyll(&["--quiet", "eval", "sky", "--ground", "-1"], input).0, 2);
 }
+
+/// The sun of a table is that of textbooks: the noon sun stands at latitude minus declination in the south, it rises in
+/// the east at an equinox, and the longest day has the declination of the tropic. What cannot be is refused by row.
+#[test]
+fn the_sun_stands_where_hour_latitude_and_season_put_it() {
+    let run = |input: &str| mesophyll(&["--quiet", "eval", "sun"], input);
+    let (code, out, _) =
+        run("latitude_deg,hour,declination_deg\n50,12,20\n50,6,0\n-50,12,20\n50,0,0\n20,12,20\n95,12,0\n");
+    assert_eq!(code, 0, "{out}");
+    let (header, rows) = table(&out);
+    assert_eq!(header[3..], ["sun_zenith_deg", "sun_azimuth_deg", "status"]);
+    let number = |row: usize, k: usize| rows[row][k].parse::<f64>().unwrap();
+    for (row, want) in [[30.0, -90.0], [90.0, 0.0], [70.0, 90.0], [130.0, -90.0]].iter().enumerate() {
+        assert!((number(row, 3) - want[0]).abs() < 1e-9, "{:?}", rows[row]);
+        // At midnight of the fourth row the sun is below the north.
+        let azimuth = if row == 3 { 90.0 } else { want[1] };
+        assert!((number(row, 4) - azimuth).abs() < 1e-9, "{:?}", rows[row]);
+    }
+    assert!(rows[..3].iter().all(|r| r[5] == "ok"), "{rows:?}");
+    for (row, word) in [(3, "below the horizon"), (4, "sun_azimuth_deg"), (5, "refused: latitude_deg is 95")] {
+        assert!(rows[row][5].contains(word), "{:?}", rows[row]);
+    }
+    let (_, out, _) = run("latitude_deg,hour,day_of_year\n0,12,172\n0,12,355\n");
+    let (_, rows) = table(&out);
+    for (row, azimuth) in [(&rows[0], 90.0), (&rows[1], -90.0)] {
+        let [zenith, at] = [3, 4].map(|k| row[k].parse::<f64>().unwrap());
+        assert!((zenith - 23.44).abs() < 0.1 && (at - azimuth).abs() < 1e-6, "{row:?}");
+    }
+    for input in ["latitude_deg,hour\n0,12\n", "latitude_deg,hour,day_of_year,declination_deg\n0,12,1,0\n"] {
+        let (code, _, said) = run(input);
+        assert!(code == 2 && said.contains("declination_deg, day_of_year"), "{said}");
+    }
+}

@@ -154,6 +154,13 @@ class Tables(Folder):
     def test_other_tables(self):
         bands = mp.spectra.bands(columns(TABLES / "bands.csv"), noise=0.002)
         self.same(["eval", "bands", "--noise", "0.002", "--in", TABLES / "bands.csv"], bands)
+        sun = columns(TABLES / "sun.csv")
+        names = ["latitude_deg", "hour", "declination_deg"]
+        place = mp.sky.sun(*(sun[name] for name in names[:2]), declination_deg=sun[names[2]])
+        rows = ["eval", "sun", "--in", self.at / "sun.csv"]
+        lines = [",".join(names), *(",".join(map(str, row)) for row in zip(*(sun[name] for name in names)))]
+        (self.at / "sun.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        self.same(rows, place)
         self.same(["eval", "fsm", "--in", TABLES / "fsm.csv"], mp.foliar.fsm(TABLES / "fsm.csv"))
         self.same(
             ["fit", "beam", "--in", TABLES / "tapers.csv"],

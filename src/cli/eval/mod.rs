@@ -16,6 +16,7 @@ pub mod gloss;
 pub mod panorama;
 pub mod sky;
 pub mod slab;
+pub mod sun;
 pub mod sway;
 
 #[derive(Debug, clap::Args)]

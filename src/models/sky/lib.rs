@@ -18,6 +18,7 @@
 //!   [`harmonics::evaluate`].
 //! - To light a surface: [`irradiance::irradiance`] on a normal, [`irradiance::add_ground`] for the light from below.
 //! - For the sun's own light through that air: [`sun::irradiance`].
+//! - To know where the sun stands by hour, latitude and season: [`solar_path`].
 //! - To know where a panorama looks: [`panorama`].
 //! - To know what a few bands miss of the radiance: [`truncation`].
 //! - To reduce the ringing of a truncated series: [`window`].
@@ -37,6 +38,7 @@ pub mod preetham;
 pub mod projection;
 pub mod quadrature;
 pub mod response;
+pub mod solar_path;
 pub mod sun;
 pub mod truncation;
 pub mod window;

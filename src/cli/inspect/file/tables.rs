@@ -11,7 +11,7 @@ use std::path::Path;
 /// Tables of the commands: the columns that tell them, what a row is, and the command with `FILE` for the table. The
 /// first one whose columns are all there is taken, so a table with more columns stands before one with fewer. `A|B`
 /// is one of two names.
-const KINDS: [(&[&str], &str, &str); 16] = [
+const KINDS: [(&[&str], &str, &str); 17] = [
     (&["status"], "the answer of an earlier command", ""),
     (&["kind", "oblateness"], "cases of the foliar scattering model", "mesophyll eval fsm --in FILE"),
     (
@@ -46,6 +46,11 @@ const KINDS: [(&[&str], &str, &str); 16] = [
     (&["alpha", "x"], "places on bent branches", "mesophyll eval beam --in FILE"),
     (&["alpha"], "tapers of branches", "mesophyll fit beam --in FILE"),
     (&["thickness", "radius"], "places on the far side of a leaf", "mesophyll eval dipole --in FILE"),
+    (
+        &["latitude_deg", "hour", "declination_deg|day_of_year"],
+        "hours of a day at a latitude",
+        "mesophyll eval sun --in FILE",
+    ),
     (&["sun_zenith|sun_zenith_deg", "turbidity"], "clear skies", "mesophyll eval sky --in FILE"),
     (&["view_zenith_deg"], "directions of view", "mesophyll eval canopy SCENE.toml --directions FILE"),
 ];

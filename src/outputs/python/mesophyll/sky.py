@@ -20,7 +20,7 @@ from ._errors import InputError
 from ._result import Floats, Maps, Result, broadcast, floats, read_exr, strict
 from .fits import made
 
-__all__ = ["coefficients", "evaluate", "fit", "fit_panorama", "irradiance", "panorama"]
+__all__ = ["coefficients", "evaluate", "fit", "fit_panorama", "irradiance", "panorama", "sun"]
 
 
 def coefficients(
@@ -244,3 +244,35 @@ def panorama(out: Place, sun_zenith_deg: float, turbidity: float, **options: Opt
     options |= {"sun_zenith_deg": sun_zenith_deg, "turbidity": turbidity, "out": out}
     _command.printed(["eval", "panorama"], options, False)
     return read_exr(Path(out))
+
+
+def sun(
+    latitude_deg: ArrayLike,
+    hour: ArrayLike,
+    *,
+    declination_deg: ArrayLike | None = None,
+    day_of_year: ArrayLike | None = None,
+) -> Result:
+    """Where the sun stands by hour, latitude and season; what ``mesophyll eval sun`` does.
+
+    Parameters
+    ----------
+    latitude_deg : array_like
+        Latitude, degrees, positive to the north.
+    hour : array_like
+        Solar time, 0 to 24; at 12 the sun stands highest.
+    declination_deg : array_like, optional
+        Declination of the sun, degrees.
+    day_of_year : array_like, optional
+        In its place the day, 1 to 366.
+
+    Returns
+    -------
+    Result
+        ``sun_zenith_deg`` and ``sun_azimuth_deg`` (0 is +x, the east, and 90 is +y, the north), and ``status``, which
+        says where the sun is below the horizon.
+    """
+    given = {"latitude_deg": latitude_deg, "hour": hour}
+    given |= {"declination_deg": declination_deg, "day_of_year": day_of_year}
+    rows = {name: value for name, value in given.items() if value is not None}
+    return _command.table(["eval", "sun"], rows)

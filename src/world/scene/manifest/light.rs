@@ -212,11 +212,11 @@ pub struct SceneDay {
 impl SceneDay {
     /// Zenith angle and azimuth (rad) of the sun at a solar hour. +x is east and +y is north.
     pub fn sun(&self, hour: f64) -> (f64, f64) {
-        let (sin_d, cos_d) = self.declination_deg.to_radians().sin_cos();
-        let (sin_l, cos_l) = self.latitude_deg.to_radians().sin_cos();
-        let (sin_h, cos_h) = ((hour - 12.0) * 15.0).to_radians().sin_cos();
-        let (east, north, up) =
-            (-cos_d * sin_h, cos_l * sin_d - sin_l * cos_d * cos_h, sin_l * sin_d + cos_l * cos_d * cos_h);
-        (up.clamp(-1.0, 1.0).acos(), north.atan2(east))
+        mesophyll_sky::solar_path::sun_place(self.latitude_deg, self.declination_deg, hour)
     }
+}
+
+/// Where the sun stands at an hour of a day, in words.
+pub fn sun_words(hour: f64, zenith_deg: f64, azimuth_deg: f64) -> String {
+    format!("hour {hour}: sun {zenith_deg:.2}° from the zenith, azimuth {azimuth_deg:.2}°")
 }

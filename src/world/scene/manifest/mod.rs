@@ -27,6 +27,7 @@ pub use leaf::{
 };
 pub use light::{
     PhysicalSky, SceneDay, SceneShadows, SceneSky, SceneSun, SceneTransfer, StatedPanorama, SunLight, SunLocation,
+    sun_words,
 };
 pub use mesophyll_base::surface::basis::TranslucencyBasis;
 pub use mesophyll_sky::SkyModel;

@@ -4,7 +4,7 @@ use super::accuracy::{self, AccuracyRow};
 use super::transfer::sun_visibility;
 use super::{PlanNeed, PlanOmission, ScenePlan};
 use crate::Result;
-use crate::manifest::{PhysicalSky, SceneManifest, SceneSky};
+use crate::manifest::{PhysicalSky, SceneManifest, SceneSky, sun_words};
 use crate::placed::PlacedScene;
 use crate::placed::daylight::{Daylight, levels, sun_direction};
 use crate::placed::visible_sides;
@@ -44,6 +44,14 @@ pub fn lights(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePl
             let why = "the scene has no sun: no light loop in the shader, no shadow pass";
             plan.leave_out(PlanOmission::new("sun and shadow maps", why, shadow_bytes, None));
         }
+    }
+    if let Some(day) = &manifest.day {
+        let at = |hour: &f64| {
+            let (zenith, azimuth) = day.sun(*hour);
+            sun_words(*hour, zenith.to_degrees(), azimuth.to_degrees())
+        };
+        let hours: Vec<String> = day.hours.iter().map(at).collect();
+        plan.need(PlanNeed::new("hours of the day", hours.join("; ")));
     }
     match &manifest.sky {
         Some(SceneSky::Physical(sky)) => physical_sky(manifest, sky, plan)?,

@@ -9,6 +9,7 @@ pub use view::{
     BasisError, FrameCost, GoldenFigures, ReferenceError, TrueLeafError, ViewFigures, ViewPictures, ViewScope,
 };
 
+use crate::manifest::sun_words;
 use serde::{Deserialize, Serialize};
 
 /// Whether the value is above the limit, or NaN.
@@ -207,6 +208,9 @@ impl CheckVerdict {
                 worst => format!("the fitted sky is within {worst:.1e} of an integrated one"),
             };
             out += &format!("day.png: {} hours; {sky}\n", self.day.len());
+            for h in &self.day {
+                out += &format!("  {}\n", sun_words(h.hour, h.zenith_deg, h.azimuth_deg));
+            }
         }
         out
     }
