@@ -12,7 +12,7 @@ use mesophyll_files::{claim, progress};
 use mesophyll_fits::record::FitRecord;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::SceneManifest;
+use mesophyll_scene::manifest::{SceneManifest, SceneMaterial};
 use mesophyll_scene::path_tracing;
 #[cfg(feature = "render")]
 use mesophyll_scene::placed::leaf::LeafSearch;
@@ -166,16 +166,13 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if let Some(run) = args.run.as_ref().filter(|_| format != ExportFormat::Web && !(scene && format.holds_scenes())) {
         return Err(Error::argument("--run", run.display(), "a scene that is exported as a whole, or --to web"));
     }
-    if scene
-        && !matches!(format, ExportFormat::Gltf | ExportFormat::Pivots | ExportFormat::Web)
-        && !format.holds_scenes()
-    {
+    if scene && !format.takes_scenes() {
         return Err(Error::Usage(format!(
             "--to {}: {} is a scene, whose plants can be exported as gltf or pivots, and which as a whole can be \
              exported as {}; expected a fit folder for other formats",
             format.name(),
             args.folder.display(),
-            ExportFormat::iter().filter(|f| f.holds_scenes()).map(ExportFormat::name).collect::<Vec<_>>().join(", ")
+            ExportFormat::iter().filter(|f| f.is_whole_scene()).map(ExportFormat::name).collect::<Vec<_>>().join(", ")
         )));
     }
     if let Some(view) = args.view.as_ref().filter(|_| !(scene && format.holds_scenes())) {
@@ -204,10 +201,10 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let options = SkyExportOptions { fixed, azimuth, ground: args.ground };
     let done: ExportResult = destination::file(&args.output, |path| match times {
         _ if format == ExportFormat::Web => web(args, path),
-        Some([from, last]) => moving(&args.folder, from, last, args.step, path).map(Into::into),
-        None if scene && format == ExportFormat::Pivots => pivots(&args.folder, path).map(Into::into),
+        Some([from, last]) => moving(&args.folder, from, last, args.step, path),
+        None if scene && format == ExportFormat::Pivots => pivots(&args.folder, path),
         None if scene && format.holds_scenes() => whole(args, format, path),
-        None if scene => posed(&args.folder, args.time, path).map(Into::into),
+        None if scene => posed(&args.folder, args.time, path),
         None => export(&args.folder, format, path, &options),
     })?;
     if !scene {
@@ -260,7 +257,9 @@ fn whole(args: &Args, format: ExportFormat, path: &Path) -> Result<ExportResult>
     let time = args.time.unwrap_or_else(|| scene.manifest.time_of(view));
     let mut world = reference::still(&scene, time, &ledger)?;
     reference::part_sun(&mut world, &scene.manifest)?;
-    let names: Vec<String> = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
+    // The world has the wood of single plants after its leaves.
+    let wood = scene.placed.wood.iter().map(|_| "bark".to_string());
+    let names: Vec<String> = scene.drawn().map(|leaf| leaf.config.name.clone()).chain(wood).collect();
     let check = &scene.manifest.check;
     let size = [check.width as usize, check.height as usize];
     let mut shown = ExportScene::of_world(&world, &names, view.camera, size, &scene.manifest.name);
@@ -331,27 +330,69 @@ fn with_plants(scene: &Path) -> Result<SceneManifest> {
     Ok(manifest)
 }
 
+/// What of a scene its plants alone do not hold, and how leaves are kept.
+fn lacking(manifest: &SceneManifest, cure: &str) -> Vec<String> {
+    let mut said: Vec<String> = Vec::new();
+    let mut fitted = false;
+    for plant in &manifest.plants {
+        let file = plant.file.as_ref().or(plant.grow.as_ref());
+        let stem = file.and_then(|file| file.file_stem());
+        let own = || stem.map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let name = plant.name.clone().unwrap_or_else(own);
+        for (material, drawn) in &plant.materials {
+            let drawn = match drawn {
+                SceneMaterial::Leaf(leaf) => {
+                    fitted = true;
+                    format!("the leaf \"{leaf}\"")
+                }
+                SceneMaterial::Bark(rho) => format!("the reflectance {rho:?}"),
+            };
+            let what = format!("{drawn} of the scene: material \"{material}\" of {name} has the plant's own colour");
+            if !said.contains(&what) {
+                said.push(what);
+            }
+        }
+    }
+    if let Some(last) = said.last_mut().filter(|_| fitted) {
+        *last += &format!("; {cure}");
+    }
+    said.push("everything but plants: single leaves, ground, sun, sky and cameras".into());
+    said
+}
+
+/// How a file keeps fitted leaves.
+const DRESS: &str = "`mesophyll dress FILE --leaf MATERIAL=FIT --make-uv` puts a fitted leaf on, and --to \
+                     gltf-translucent writes the scene with its leaves as it stands at one time";
+
 /// A scene's plants as they stand at a time.
-fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<Vec<PathBuf>> {
+fn posed(scene: &Path, time: Option<f64>, path: &Path) -> Result<ExportResult> {
     let manifest = with_plants(scene)?;
     let time = time.unwrap_or_else(|| manifest.rest_time());
-    mesophyll_plants::file::write(&placed::poses::plants(&manifest, time, &Ledger::new())?, path)?;
-    Ok(vec![path.to_path_buf()])
+    mesophyll_export::plants(ExportFormat::Gltf, path, &lacking(&manifest, DRESS), || {
+        mesophyll_plants::file::write(&placed::poses::plants(&manifest, time, &Ledger::new())?, path)?;
+        Ok(vec![path.to_path_buf()])
+    })
 }
 
 /// A scene's plants as an animation.
-fn moving(scene: &Path, from: f64, last: f64, step: f64, path: &Path) -> Result<Vec<PathBuf>> {
-    placed::poses::animation(&with_plants(scene)?, from, last, step, &Ledger::new(), path)?;
-    Ok(vec![path.to_path_buf()])
+fn moving(scene: &Path, from: f64, last: f64, step: f64, path: &Path) -> Result<ExportResult> {
+    let manifest = with_plants(scene)?;
+    mesophyll_export::plants(ExportFormat::Gltf, path, &lacking(&manifest, DRESS), || {
+        placed::poses::animation(&manifest, from, last, step, &Ledger::new(), path)?;
+        Ok(vec![path.to_path_buf()])
+    })
 }
 
 /// A scene's plants at rest, with textures of their pivots.
-fn pivots(scene: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
+fn pivots(scene: &Path, folder: &Path) -> Result<ExportResult> {
     let manifest = with_plants(scene)?;
     let _claim = claim::folder(folder, claim::OutputKind::Pivots, &[scene])?;
     let plant = placed::poses::resting(&manifest, &Ledger::new())?;
     claim::begin(folder, claim::OutputKind::Pivots)?;
-    let written = mesophyll_plants::file::write_pivots(&plant, folder)?;
+    let cure = "the maps of `mesophyll export FIT --to packed` are for the material of the leaves there";
+    let written = mesophyll_export::plants(ExportFormat::Pivots, folder, &lacking(&manifest, cure), || {
+        mesophyll_plants::file::write_pivots(&plant, folder)
+    })?;
     claim::finish(folder)?;
     Ok(written)
 }

@@ -137,7 +137,11 @@ fn an_animation_plays_the_pose() {
     sway(folder.path());
     let range = ["--from", "1.5", "--until", "2.1", "--step", "0.2"];
     let words = [&["export", "scene.toml"], &range[..], &["--to", "gltf", "-o", "a.glb"]].concat();
-    assert_eq!(run(folder.path(), &words), (Some(0), "written: a.glb\n".into()));
+    let (code, said) = run(folder.path(), &words);
+    // What the file lacks is said and kept, with the way to a fitted leaf.
+    assert!(code == Some(0) && said.starts_with("written: a.glb\nwritten: a.glb.loss.json\nleft out: "), "{said}");
+    let lost: serde_json::Value = serde_json::from_slice(&std::fs::read(at("a.glb.loss.json")).unwrap()).unwrap();
+    assert!(lost["left_out"].as_array().unwrap().len() > 1 && said.contains("own colour"), "{said} {lost}");
     let animated = Animated::open(&at("a.glb"));
     assert!(animated.times.iter().zip([0.0, 0.2, 0.4, 0.6]).all(|(a, b)| (a - b).abs() < 1e-6));
     assert_eq!(animated.times.len(), 4);

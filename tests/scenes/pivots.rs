@@ -31,7 +31,11 @@ fn the_hierarchy_is_in_the_textures() {
     let path = scene(folder.path(), &format!("grow = \"sapling.toml\"\n{BARK}position_mm = [500, -200, 100]\n"));
     let words = ["export", "scene.toml", "--to", "pivots", "-o", "out"];
     assert_eq!(run(folder.path(), &words).0, Some(0));
+    // What of the scene is lost lies beside them, and the folder is still one of pivots.
+    assert_eq!(run(folder.path(), &words).0, Some(0));
     let out = folder.path().join("out");
+    let lost = std::fs::read_to_string(out.join("loss.json")).unwrap();
+    assert!(["\"pivots\"", "of sapling has", "own colour", "cameras"].iter().all(|w| lost.contains(w)), "{lost}");
     let textures = ["pivot_parent.exr", "axis_length.exr"].map(|name| read_exr(&out.join(name)).unwrap());
     let about: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("pivots.json")).unwrap()).unwrap();
     let (width, height) = (textures[0].width, textures[0].height);

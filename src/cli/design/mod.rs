@@ -116,14 +116,16 @@ impl DesignAnswer {
         let widths: Vec<usize> = self.columns.iter().map(|c| c.chars().count().max(9)).collect();
         let mut text = format!("{}\nStandard errors:\n{:wide$}", self.title, "");
         self.columns.iter().zip(&widths).for_each(|(name, w)| text += &format!("  {name:>w$}"));
-        text += "  times the errors of all\n";
+        text += "  times the errors of all readings\n";
         for set in &self.sets {
             text += &format!("{:wide$}", set.name);
             set.errors.iter().zip(&widths).for_each(|(e, w)| text += &format!("  {:>w$}", short(*e)));
             text += &format!("  {:.2}\n", set.ratio);
         }
         if let Some(bound) = self.best_possible {
-            text += &format!("No choice of as many readings has less than {bound:.2} times the errors of all.\n");
+            text += &format!(
+                "No choice of as many readings has less than {bound:.2} times the errors of all readings together.\n"
+            );
         }
         self.notes.iter().for_each(|note| text += &format!("{note}\n"));
         if list {

@@ -76,6 +76,8 @@ pub(super) fn marks(folder: &Path, kind: OutputKind) -> Vec<&'static str> {
         OutputKind::Bench => &[("bench.json", "rows")],
         OutputKind::Maps => &[("ranges.json", "files")],
         OutputKind::Pivots => &[("pivots.json", "elements")],
+        // A folder of pivots has a loss, too.
+        OutputKind::Export if !marks(folder, OutputKind::Pivots).is_empty() => &[],
         OutputKind::Export => &[("loss.json", "target")],
         OutputKind::Import => &[("import.json", "pieces")],
         OutputKind::Fit(_) | OutputKind::Capture | OutputKind::Pictures => &[],

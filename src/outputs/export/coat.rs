@@ -75,6 +75,9 @@ impl ExportLoss {
             one
         });
         let leaves: Vec<Value> = leaves.collect();
+        if !coats.is_empty() {
+            lines.push("docs/export.md says what these errors mean, and docs/evidence/export.md where they lie".into());
+        }
         lines.extend(unsaid.iter().map(|what| format!("left out: {what}")));
         let record = json!({
             "target": format,

@@ -128,6 +128,16 @@ impl ExportFormat {
         self.is_assembly() || self == ExportFormat::GltfTranslucent
     }
 
+    /// Whether it shows a scene with everything that stands in it, to other programs or to our own viewer.
+    pub fn is_whole_scene(self) -> bool {
+        self.holds_scenes() || self == ExportFormat::Web
+    }
+
+    /// Whether anything of a scene can be written so.
+    pub fn takes_scenes(self) -> bool {
+        self.is_whole_scene() || matches!(self, ExportFormat::Gltf | ExportFormat::Pivots)
+    }
+
     /// Endings of the files that this format writes.
     pub fn endings(self) -> &'static [&'static str] {
         match self {
@@ -232,6 +242,22 @@ fn record_of_loss(path: &Path) -> Result<PathBuf> {
         return Err(Error::Usage(format!("{}: {what}", record.display())));
     }
     Ok(record)
+}
+
+/// Writes a scene's plants with `write`, and beside them what they lack, each a sentence of `unsaid`. A folder's loss
+/// lies in it.
+///
+/// # Errors
+/// [`Error::Usage`] where something else has the name of the record; what `write` refuses; [`Error::Write`].
+pub fn plants(
+    format: ExportFormat,
+    path: &Path,
+    unsaid: &[String],
+    write: impl FnOnce() -> Result<Vec<PathBuf>>,
+) -> Result<ExportResult> {
+    let record = if format.is_folder() { path.join("loss.json") } else { record_of_loss(path)? };
+    let meaning = "left_out: what of the scene the file does not hold (docs/motion.md)";
+    beside(record, write()?, ExportLoss::other(format.name(), meaning, Vec::new(), Vec::new(), unsaid))
 }
 
 /// Writes the loss of a file beside it.

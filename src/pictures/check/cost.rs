@@ -24,11 +24,14 @@ pub fn timed(
 
 /// A view's report with these times.
 pub fn of(mut out: ViewFigures, timing: &gpu::FrameTiming, renderer: &gpu::Renderer) -> ViewFigures {
+    // A pass that was timed less often than the frames was kept in them.
+    let frames = timing.frame_ms.len();
     let cost = FrameCost {
         frame_ms_median: timing.quantile(0.5).unwrap_or(f64::NAN),
         frame_ms_p95: timing.quantile(0.95).unwrap_or(f64::NAN),
         triangles: renderer.stats().triangles,
         pass_ms: timing.passes.iter().map(|(n, t)| (n.clone(), middle(t))).collect(),
+        kept_passes: timing.passes.iter().filter(|(_, t)| t.len() < frames).map(|(n, _)| n.clone()).collect(),
     };
     if let Some(limit) = judged(out.threshold_frame_ms, renderer)
         && exceeds(cost.frame_ms_median, limit)

@@ -36,7 +36,11 @@ pub fn surfaces(scene: &LoadedScene, wavelengths: &[f64]) -> Result<Vec<SurfaceB
     }
     let of_stands = scene.placed.stands.iter().flat_map(|stand| &stand.wood);
     if let Some(wood) = scene.placed.wood.iter().chain(of_stands).next() {
-        let what = format!("the wood of {} has three channels and no spectrum; expected leaves alone", wood.name);
+        let what = format!(
+            "the wood of {} has three channels, and no field gives wood a spectrum; expected leaves alone, such as a \
+             list of [[instance]], or --channel in place of --bands",
+            wood.name
+        );
         return bad("plant", &what);
     }
     if let Some(ground) = manifest.ground.as_ref().filter(|_| scene.placed.ground.is_some()) {

@@ -159,6 +159,7 @@ pub struct SceneWind {
     #[serde(default = "turbulence")]
     pub turbulence: f64,
     /// Seed of the gusts.
+    #[serde(default)]
     pub seed: u64,
     /// Time at which the scene is seen, where a view does not state it.
     #[serde(default)]

@@ -94,9 +94,16 @@ fn physical_sky(manifest: &SceneManifest, sky: &PhysicalSky, plan: &mut ScenePla
     let n = plan.light.sky_bands * plan.light.sky_bands;
     let polynomials = plan.light.sun_moves && sky.model == SkyModel::Preetham;
     let how = if polynomials { "from the polynomials" } else { "integrated for this sun and turbidity" };
+    let below = match sky.ground_albedo.is_none() && manifest.ground.is_none() {
+        true => "; black below the horizon, because the scene has neither sky.ground_albedo nor a [ground]",
+        false => "",
+    };
     let mut need = PlanNeed::new(
         "sky",
-        format!("{}, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves", sky.model, daylight.turbidity),
+        format!(
+            "{}, turbidity {}: {n}x3 coefficients, {how}; drawn behind the leaves{below}",
+            sky.model, daylight.turbidity
+        ),
     );
     if let Some(row) = row {
         let cost = plan.measured["sky bands"]

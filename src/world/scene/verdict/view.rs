@@ -203,6 +203,29 @@ pub struct FrameCost {
     /// Median of each pass by the adapter's own clock, ms.
     #[serde(default)]
     pub pass_ms: BTreeMap<String, f64>,
+    /// Those of the passes that were drawn once and kept in these frames, so that no frame holds their time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kept_passes: Vec<String>,
+}
+
+impl FrameCost {
+    /// The passes in words, those of every frame first and the largest of them first; none without the adapter's clock.
+    fn passes(&self) -> Option<String> {
+        let words = |kept: bool| {
+            let of = self.pass_ms.iter().filter(|(name, _)| self.kept_passes.contains(name) == kept);
+            let mut list: Vec<(&String, &f64)> = of.collect();
+            list.sort_by(|a, b| b.1.total_cmp(a.1));
+            let each = list.iter().take(3).map(|(name, ms)| format!("{name} {ms:.2} ms"));
+            each.collect::<Vec<String>>().join(", ")
+        };
+        let (drawn, kept) = (words(false), words(true));
+        match (drawn.is_empty(), kept.is_empty()) {
+            (true, true) => None,
+            (_, true) => Some(format!("of each frame: {drawn}")),
+            (true, _) => Some(format!("drawn once before the frames: {kept}")),
+            _ => Some(format!("of each frame: {drawn}; drawn once before the frames: {kept}")),
+        }
+    }
 }
 
 /// The pictures of a view: files beside `check.json`.
@@ -261,6 +284,7 @@ impl ViewFigures {
                 "{:.1} ms a frame (95 %: {:.1}), {} triangles",
                 cost.frame_ms_median, cost.frame_ms_p95, cost.triangles
             ));
+            said.extend(cost.passes());
         }
         let golden = self.golden.map(|g| {
             format!(
