@@ -125,7 +125,7 @@ pub const MODELS: [ModelEntry; 30] = [
     },
     ModelEntry {
         name: "bands",
-        eval: verb!(eval::bands, "What the bands of a published response see of spectra: sRGB or CIE 1931"),
+        eval: verb!(eval::bands, "What bands see of spectra: sRGB, CIE 1931, or those of a sensor"),
         ..NONE
     },
     ModelEntry {

@@ -88,3 +88,39 @@ fn an_even_spectrum_is_grey_and_a_narrow_one_is_refused() {
     refused(&run(["eval", "bands", "--in", text(&path)]), 2, &["680", "is there before"]);
     refused(&run(["eval", "bands", "--noise=-1", "--in", text(&path)]), 2, &["--noise is -1"]);
 }
+
+/// The mean of a straight line over a response is its value at the response's centroid: of a box its middle, of a
+/// triangle the mean of its corners.
+#[test]
+fn bands_of_a_sensor_are_means_over_their_response() {
+    let dir = tempfile::tempdir().unwrap();
+    let (soil, response) = (dir.path().join("soil.csv"), dir.path().join("response.csv"));
+    let line = |nm: f64| 0.001 * (nm - 400.0);
+    let cells: String = (0..=40).map(|k| 430.0 + 7.5 * f64::from(k)).map(|nm| format!("{nm},{}\n", line(nm))).collect();
+    std::fs::write(&soil, format!("wavelength_nm,albedo\n{cells}")).unwrap();
+    // Responses in any unit and order; the second band is a triangle with corners at 600, 620 and 660 nm.
+    std::fs::write(&response, "wavelength_nm,B2,B4\n660,0,0\n450,8,0\n600,8,0\n620,0,50\n").unwrap();
+    let boxes = &rows(&["--response", "490:65, 560:35,665:30", "--noise", "0", "--in", text(&soil)])[0];
+    for (name, nm) in [("r_490", 490.0), ("r_560", 560.0), ("r_665", 665.0)] {
+        assert!((number(boxes, name) - line(nm)).abs() < 1e-9, "{name}: {boxes:?}");
+    }
+    let own = &rows(&["--response", text(&response), "--in", text(&soil)])[0];
+    assert!((number(own, "r_B4") - line((600.0 + 620.0 + 660.0) / 3.0)).abs() < 1e-9, "{own:?}");
+    // A box of 150 nm and a triangle of a base of 20 nm, by their areas.
+    let centroid = (150.0 * 525.0 + 10.0 * (600.0 + 20.0 / 3.0)) / 160.0;
+    assert!((number(own, "r_B2") - line(centroid)).abs() < 1e-9, "{own:?}");
+    let run = |response: &str| run(["eval", "bands", "--response", response, "--in", text(&soil)]);
+    let out = run("490:65,865:20");
+    assert_eq!(out.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&out.stdout).contains("band 865: readings from 430 to 730 nm"));
+    for (response, words) in [
+        ("490:0", "expected a centre and a width"),
+        ("490:65,560", "found 560"),
+        ("490:65,490:10", "two bands have the centre 490"),
+        ("srg", "expected srgb, cie-1931"),
+    ] {
+        refused(&run(response), 2, &[words]);
+    }
+    std::fs::write(&response, "wavelength_nm,B2\n450,1\n500,-1\n").unwrap();
+    refused(&run(text(&response)), 2, &["B2", "the response is -1 at 500 nm"]);
+}

@@ -1,24 +1,27 @@
-//! `mesophyll eval bands`: spectra in, what three bands see of them out.
+//! `mesophyll eval bands`: spectra in, what bands see of them out.
 
-use crate::cli::names::named;
+use super::bands_response::{BandResponse, ResponseChoice};
 use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use mesophyll_files::spectra::{self, ReadingUnit, SpectrumColumn};
 use mesophyll_files::table::{BatchIo, BatchSpec, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, Status};
-use mesophyll_sky::response::ObserverResponse;
 
 /// CSV columns `leaf,wavelength_nm,R,T` (a row a wavelength), or `R400,T400,R410,…` (a row a leaf) → the three bands of
-/// a published response: `r_r,r_g,r_b` of R and `t_r,t_g,t_b` of T, their standard errors, `status`.
+/// a published response: `r_r,r_g,r_b` of R and `t_r,t_g,t_b` of T, their standard errors, `status`. Of bands of your
+/// own, the columns have their names: `r_490`.
 ///
-/// Scenes state a leaf by such numbers (`uniform`). The light is that of CIE D65.
+/// Scenes state a leaf by three such numbers (`uniform`). The light is that of CIE D65 for the published responses, and
+/// even for bands of your own.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = tables::help("eval bands"))]
 pub struct Args {
     #[command(flatten)]
     io: BatchIo,
-    /// The bands
-    #[arg(long, value_parser = named::<ObserverResponse>(), default_value_t = ObserverResponse::Srgb)]
-    response: ObserverResponse,
+    /// The bands: srgb is linear sRGB, unclamped, of which white is 1, 1, 1; cie-1931 is X, Y, Z of the CIE 1931
+    /// standard observer; centre:width in nm are boxes, which see all their wavelengths alike; a table has the column
+    /// wavelength_nm and a column with the response of each band, by any name
+    #[arg(long, value_name = "srgb|cie-1931|490:65,560:35,…|FILE.csv", default_value = "srgb")]
+    response: ResponseChoice,
     /// Absolute standard error of R and T, where a cell has none of its own; 0 for exact values (default: not known,
     /// the error cells stay empty)
     #[arg(long, value_name = "S")]
@@ -50,10 +53,10 @@ impl Quantities {
         self.0.iter().position(|q| *q == (column.through, column.is_abaxial())).unwrap_or(0)
     }
 
-    fn outputs(&self, response: ObserverResponse) -> Vec<String> {
+    fn outputs(&self, response: &BandResponse) -> Vec<String> {
         let of = |(through, back): &(bool, bool)| {
             let start = format!("{}{}", if *through { "t" } else { "r" }, if *back { "_abaxial" } else { "" });
-            response.letters().map(|letter| format!("{start}_{letter}"))
+            response.names().into_iter().map(|name| format!("{start}_{name}")).collect::<Vec<String>>()
         };
         let values: Vec<String> = self.0.iter().flat_map(of).collect();
         let errors = values.iter().map(|name| format!("{name}_err"));
@@ -61,14 +64,14 @@ impl Quantities {
     }
 
     /// The bands of one leaf; those of a quantity without a reading stay empty.
-    fn answer(&self, response: ObserverResponse, noise: Option<f64>, mut samples: Vec<Sample>) -> OutputRow {
+    fn answer(&self, response: &BandResponse, noise: Option<f64>, mut samples: Vec<Sample>) -> OutputRow {
         samples.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let (mut values, mut errors) = (Vec::new(), Vec::new());
+        let (mut values, mut errors, bands) = (Vec::new(), Vec::new(), response.names().len());
         for (k, (through, _)) in self.0.iter().enumerate() {
             let own: Vec<&Sample> = samples.iter().filter(|s| s.0 == k).collect();
             if own.is_empty() {
-                values.extend([f64::NAN; 3]);
-                errors.extend([f64::NAN; 3]);
+                values.extend(vec![f64::NAN; bands]);
+                errors.extend(vec![f64::NAN; bands]);
                 continue;
             }
             let name = if *through { "T" } else { "R" };
@@ -81,9 +84,9 @@ impl Quantities {
                 Err(why) => return OutputRow::refused(format!("{name}: {why}")),
             };
             let error = |s: &Sample| if s.3.is_nan() { noise.unwrap_or(f64::NAN) } else { s.3 };
-            for c in 0..3 {
-                values.push(own.iter().zip(&weights).map(|(s, w)| w[c] * s.2).sum());
-                let squares: f64 = own.iter().zip(&weights).map(|(s, w)| (w[c] * error(s)).powi(2)).sum();
+            for weights in &weights {
+                values.push(own.iter().zip(weights).map(|(s, w)| w * s.2).sum());
+                let squares: f64 = own.iter().zip(weights).map(|(s, w)| (w * error(s)).powi(2)).sum();
                 errors.push(squares.sqrt());
             }
         }
@@ -99,10 +102,11 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
         return Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more")));
     }
+    let response = args.response.read()?;
     let table = spectra::open(&args.io.input)?;
     let tally = match spectra::long(&table)? {
-        Some(form) => long(args, common, table, &form)?,
-        None => wide(args, common, table)?,
+        Some(form) => long(args, &response, common, table, &form)?,
+        None => wide(args, &response, common, table)?,
     };
     batch::say_tally(&tally, &args.io, common, "leaf")?;
     Ok(0)
@@ -121,7 +125,7 @@ fn spec(columns: &[SpectrumColumn], outputs: Vec<String>) -> BatchSpec {
 }
 
 /// A row a leaf.
-fn wide(args: &Args, common: &CommonArgs, table: InputTable) -> Result<RowTally> {
+fn wide(args: &Args, response: &BandResponse, common: &CommonArgs, table: InputTable) -> Result<RowTally> {
     let found = spectra::wide(&table);
     if found.readings.is_empty() {
         return Err(spectra::nothing(&table, &found, TAKES));
@@ -131,7 +135,7 @@ fn wide(args: &Args, common: &CommonArgs, table: InputTable) -> Result<RowTally>
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&table, &names, args.percent)?;
     shares.check_noise(&table, &names, args.noise)?;
-    let spec = spec(columns, quantities.outputs(args.response));
+    let spec = spec(columns, quantities.outputs(response));
     let (name, left) = (table.name().to_path_buf(), Omissions::default());
     let tally = mesophyll_files::table::run(table, &args.io.rows(common.json), &spec, |row, out| {
         if let Some(why) = shares.refuse_each(names.iter().map(String::as_str).zip(row.all().iter().copied())) {
@@ -143,14 +147,20 @@ fn wide(args: &Args, common: &CommonArgs, table: InputTable) -> Result<RowTally>
             value.is_finite().then(|| (quantities.place(c), c.wavelength, value, err))
         };
         let samples = columns.iter().enumerate().filter_map(sample).collect();
-        out.push(quantities.answer(args.response, args.noise, samples));
+        out.push(quantities.answer(response, args.noise, samples));
     })?;
     left.say(&name);
     Ok(tally)
 }
 
 /// A row a wavelength.
-fn long(args: &Args, common: &CommonArgs, table: InputTable, form: &spectra::LongSpectra) -> Result<RowTally> {
+fn long(
+    args: &Args,
+    response: &BandResponse,
+    common: &CommonArgs,
+    table: InputTable,
+    form: &spectra::LongSpectra,
+) -> Result<RowTally> {
     let (columns, n) = (&form.readings, form.readings.len());
     if columns.is_empty() {
         return Err(spectra::nothing(&table, &spectra::wide(&table), TAKES));
@@ -159,7 +169,7 @@ fn long(args: &Args, common: &CommonArgs, table: InputTable, form: &spectra::Lon
     let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
     let shares = ReadingUnit::of(&table, &names, args.percent)?;
     shares.check_noise(&table, &names, args.noise)?;
-    let mut spec = spec(columns, quantities.outputs(args.response));
+    let mut spec = spec(columns, quantities.outputs(response));
     spec.required = vec![form.wavelength.clone()];
     spec.physical.push(PhysicalRange::not_negative(spec.required.clone()));
     let groups = spectra::leaves(table, &spec)?;
@@ -175,7 +185,7 @@ fn long(args: &Args, common: &CommonArgs, table: InputTable, form: &spectra::Lon
                 samples.push((quantities.place(c), nm, shares.scale * cells[k], shares.scale * cells[n + k]));
             }
         }
-        quantities.answer(args.response, args.noise, samples)
+        quantities.answer(response, args.noise, samples)
     })?;
     Ok(tally)
 }

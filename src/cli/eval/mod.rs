@@ -7,6 +7,7 @@ use crate::cli::verb_choice::{VerbCatalogue, VerbChoice};
 
 pub mod abm;
 pub mod bands;
+mod bands_response;
 pub mod beam;
 pub mod canopy;
 mod canopy_bands;

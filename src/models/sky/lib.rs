@@ -38,6 +38,7 @@ pub mod preetham;
 pub mod projection;
 pub mod quadrature;
 pub mod response;
+pub mod sensor;
 pub mod solar_path;
 pub mod sun;
 pub mod truncation;
