@@ -226,7 +226,7 @@ fn the_commands_of_the_grass_page_run() {
 
 #[test]
 fn the_commands_of_the_sky_page_run() {
-    assert_eq!(run_page("docs/sky.md", false), [6, 0]);
+    assert_eq!(run_page("docs/sky.md", false), [8, 0]);
 }
 
 #[test]
@@ -284,7 +284,7 @@ fn the_commands_of_the_looks_page_run() {
 fn the_commands_of_the_pages_of_plants_run() {
     assert_eq!(run_page("docs/plants.md", false), [3, 0]);
     assert_eq!(run_page("docs/plants-import.md", false), [3, 0]);
-    assert_eq!(run_page("docs/motion.md", false), [6, 0]);
+    assert_eq!(run_page("docs/motion.md", false), [8, 0]);
 }
 
 /// Every page with commands is tested, and every command that is left out stands on a page.
