@@ -74,7 +74,11 @@ fn what_does_not_go_together_is_refused() {
     let out = dir.path().join("out");
     let words = ["render", path.to_str().unwrap(), "-o", out.to_str().unwrap()];
     refused(&run(words), 2, &["wrong.toml", "channels", "rgb", "bands"]);
-    refused(&run([&words[..], &["--real-time", "--samples", "4"]].concat()), 2, &["--real-time", "--samples"]);
-    refused(&run([&words[..], &["--against", "."]].concat()), 2, &["--real-time"]);
+    // Options that exclude or need each other are refused with the usage beside the sentence.
+    for (more, named) in [(&["--real-time", "--samples", "4"][..], "--samples"), (&["--against", "."], "--real-time")] {
+        let output = run([&words[..], more].concat());
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && said.contains(more[0]) && said.contains(named), "{said}");
+    }
     assert!(!out.exists());
 }
