@@ -4,7 +4,6 @@ use crate::cli::{CommonArgs, batch, tables};
 use crate::cli::{Error, Result};
 use mesophyll_files::table::{self, BatchIo, BatchSpec, InputTable, OutputRow, Status};
 use mesophyll_sky::solar_path::{MOST_DECLINATION_DEG, declination_deg, sun_place};
-use std::f64::consts::FRAC_PI_2;
 
 /// CSV columns `latitude_deg,hour` and `declination_deg` or `day_of_year` → `sun_zenith_deg,sun_azimuth_deg,status`:
 /// where the sun stands, for `[sun]` of a scene and `export --sun-zenith-deg`.
@@ -52,8 +51,6 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         let (zenith, azimuth) = sun_place(cells[0], declination, cells[1]);
         let status = if zenith.sin() < 1e-9 {
             Status::Undetermined("sun_azimuth_deg (the sun stands on the vertical)".into())
-        } else if zenith > FRAC_PI_2 + 1e-9 {
-            Status::Undetermined("light (the sun is below the horizon)".into())
         } else {
             Status::Ok
         };

@@ -269,8 +269,8 @@ def sun(
     Returns
     -------
     Result
-        ``sun_zenith_deg`` and ``sun_azimuth_deg`` (0 is +x, the east, and 90 is +y, the north), and ``status``, which
-        says where the sun is below the horizon.
+        ``sun_zenith_deg`` and ``sun_azimuth_deg`` (0 is +x, the east, and 90 is +y, the north), and ``status``;
+        beyond a zenith angle of 90 the sun is below the horizon.
     """
     given = {"latitude_deg": latitude_deg, "hour": hour}
     given |= {"declination_deg": declination_deg, "day_of_year": day_of_year}
