@@ -78,8 +78,7 @@ fn worst(record: &FitRecord) -> Option<Worst<'_>> {
                 if error.is_finite() && error > DETERMINED && worse {
                     let channel = if p.value.len() == 3 { [".R", ".G", ".B"][c] } else { "" };
                     let caliper = p.stderr_caliper.get(c).map_or(0.0, |e| share(*e));
-                    let place = if name == "all" { String::new() } else { format!("{name}.") };
-                    let quantity = format!("{place}{parameter}{channel}");
+                    let quantity = format!("{name}.{parameter}{channel}");
                     found = Some(Worst { quantity, error, caliper, section });
                 }
             }

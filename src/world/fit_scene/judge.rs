@@ -6,7 +6,6 @@ use crate::steps::{ReadingComparison, SceneFit, WILD};
 use crate::unknowns::SceneUnknowns;
 use mesophyll_base::solvers::adequacy::chi2_score;
 use mesophyll_fits::record::fault::{FaultGrade, MeasurementFault};
-use mesophyll_fits::record::next::DETERMINED;
 use mesophyll_fits::record::{FitParameter, FitRecord, RecordSection, ResidualStatistics};
 use std::collections::BTreeMap;
 
@@ -107,9 +106,6 @@ pub fn section(
         let loose = loose.then(|| "what the scene does not explain could be due to it".to_string());
         let why = found.undetermined[k].clone().or(loose).map(|why| format!("{name}: {why}"));
         let error = if why.is_some() { f64::INFINITY } else { found.covariance[(k, k)].sqrt() * wide };
-        let share = error / values[k].abs();
-        let rough = !(share <= DETERMINED);
-        let why = why.or_else(|| rough.then(|| format!("{name}: relative standard error {:.0} %", 100.0 * share)));
         section.params.insert(
             name.clone(),
             FitParameter {

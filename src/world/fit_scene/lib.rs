@@ -186,15 +186,16 @@ pub fn summary(record: &FitRecord) -> String {
     let section = record.sections.get("all").unwrap_or(&none);
     for (name, param) in &section.params {
         let (value, error) = (param.value.first().copied().unwrap_or(f64::NAN), param.stderr.first());
-        let error = error.copied().unwrap_or(0.0);
-        let why = param.undetermined.first().map(|why| why.rsplit_once(": ").map_or(why.as_str(), |w| w.1));
-        // Two digits of the error.
-        let places = (1 - error.max(1e-9).log10().floor() as i32).clamp(0, 10) as usize;
-        let number = || format!("{value:.places$} ± {error:.places$}");
-        text += &match why {
-            Some(why) if error.is_finite() => format!("{name}: undetermined, {why}: {}\n", number()),
-            Some(why) => format!("{name}: undetermined, {why}\n"),
-            None => format!("{name} = {}\n", number()),
+        text += &match (param.undetermined.first(), error) {
+            (Some(why), _) => {
+                format!("{name}: undetermined, {}\n", why.rsplit_once(": ").map_or(why.as_str(), |w| w.1))
+            }
+            (None, error) => {
+                let error = error.copied().unwrap_or(0.0);
+                // Two digits of the error.
+                let places = (1 - error.max(1e-9).log10().floor() as i32).clamp(0, 10) as usize;
+                format!("{name} = {value:.places$} ± {error:.places$}\n")
+            }
         };
     }
     for (what, count) in section.counts.iter().filter(|(_, count)| **count > 0) {
