@@ -9,7 +9,6 @@ mod common;
 mod detail;
 mod display;
 mod dome;
-mod far;
 mod follow;
 mod motion;
 mod needs;
