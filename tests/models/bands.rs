@@ -97,7 +97,7 @@ fn bands_of_a_sensor_are_means_over_their_response() {
     let (soil, response) = (dir.path().join("soil.csv"), dir.path().join("response.csv"));
     let line = |nm: f64| 0.001 * (nm - 400.0);
     let cells: String = (0..=40).map(|k| 430.0 + 7.5 * f64::from(k)).map(|nm| format!("{nm},{}\n", line(nm))).collect();
-    std::fs::write(&soil, format!("wavelength_nm,albedo\n{cells}")).unwrap();
+    std::fs::write(&soil, format!("wavelength_nm,R\n{cells}")).unwrap();
     // Responses in any unit and order; the second band is a triangle with corners at 600, 620 and 660 nm.
     std::fs::write(&response, "wavelength_nm,B2,B4\n660,0,0\n450,8,0\n600,8,0\n620,0,50\n").unwrap();
     let boxes = &rows(&["--response", "490:65, 560:35,665:30", "--noise", "0", "--in", text(&soil)])[0];
@@ -119,7 +119,10 @@ fn bands_of_a_sensor_are_means_over_their_response() {
         ("490:65,490:10", "two bands have the centre 490"),
         ("srg", "expected srgb, cie-1931"),
     ] {
-        refused(&run(response), 2, &[words]);
+        // An argument that cannot be read is refused with the usage beside the sentence.
+        let output = run(response);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && said.contains(words), "{said}");
     }
     std::fs::write(&response, "wavelength_nm,B2\n450,1\n500,-1\n").unwrap();
     refused(&run(text(&response)), 2, &["B2", "the response is -1 at 500 nm"]);

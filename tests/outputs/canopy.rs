@@ -161,7 +161,7 @@ fn bands_of_a_closed_canopy_meet_their_closed_forms() {
         (&plain, "all", "no leaf and no ground has a spectrum"),
         (&text.replace("leaf.csv\"", "leaf.csv\", rho_t = [0, 0, 0]"), "550", "expected both rho_d and rho_t"),
         (&text.replace("leaf.csv\"", "leaf.csv\", rho_s = [0.1, 0.2, 0.1]"), "550", "rho_s differs between channels"),
-        (&text.replace("leaf.csv", "soil.csv"), "550", "T: no such column; a leaf needs wavelength_nm, R and T"),
+        (&text.replace("leaf.csv", "soil.csv"), "550", "R: no such column; a leaf needs wavelength_nm, R and T"),
         (&text.replace("soil.csv", "d.csv"), "550", "wavelength_nm: no such column"),
     ] {
         std::fs::write(&other, text).unwrap();

@@ -51,7 +51,7 @@ impl SpectrumColumnName {
     /// The parts of a name; `None` where it belongs to no spectrum.
     pub fn of(name: &str) -> Option<SpectrumColumnName> {
         match name {
-            "rho_d" | "rho_t" | "albedo" => {
+            "rho_d" | "rho_t" => {
                 return Some(SpectrumColumnName { through: Some(name == "rho_t"), ..SpectrumColumnName::default() });
             }
             "rho_d_err" | "rho_t_err" => {

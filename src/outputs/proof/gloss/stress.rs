@@ -144,7 +144,7 @@ fn cases() -> Vec<Case> {
             name: "camera straight above, broad lobe",
             camera_deg: 0.0,
             truth: GlossFitTruth { m: 0.5, ..COMMON },
-            expected: format!("undetermined: {}", all.trim_end_matches(" tilt")),
+            expected: format!("undetermined: {}", all.trim_end_matches("; tilt")),
             ..Case::default()
         },
         Case { name: "noise 20 %", noise: 0.2, expected: "ok".into(), ..Case::default() },
