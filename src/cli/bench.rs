@@ -27,7 +27,8 @@ pub struct Args {
     /// Write bench.json, one plot for each model, and the documentation's pictures of these models into this folder
     #[arg(short, long = "out", alias = "output", value_name = "DIR", value_parser = destination::folder())]
     output: Option<PathBuf>,
-    /// Also measure comparable Python packages (SciPy, lmfit, iadpython, PROSPECT-D), as far as they are installed
+    /// Also measure comparable Python packages (SciPy, lmfit, iadpython, PROSPECT-D, Mitsuba), as far as they are
+    /// installed
     #[arg(long)]
     peers: bool,
 }

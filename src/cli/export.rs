@@ -257,8 +257,9 @@ fn whole(args: &Args, format: ExportFormat, path: &Path) -> Result<ExportResult>
     let time = args.time.unwrap_or_else(|| scene.manifest.time_of(view));
     let mut world = reference::still(&scene, time, &ledger)?;
     reference::part_sun(&mut world, &scene.manifest)?;
-    // The world has the wood of single plants after its leaves.
-    let wood = scene.placed.wood.iter().map(|_| "bark".to_string());
+    // The world has leaves, the blades of lawns, wood, and the rest. Only the world knows how many blades there are, so
+    // that beside a lawn nothing is called bark.
+    let wood = scene.placed.wood.iter().filter(|_| scene.placed.grass.is_empty()).map(|_| "bark".to_string());
     let names: Vec<String> = scene.drawn().map(|leaf| leaf.config.name.clone()).chain(wood).collect();
     let check = &scene.manifest.check;
     let size = [check.width as usize, check.height as usize];
@@ -353,9 +354,7 @@ fn lacking(manifest: &SceneManifest, cure: &str) -> Vec<String> {
             }
         }
     }
-    if let Some(last) = said.last_mut().filter(|_| fitted) {
-        *last += &format!("; {cure}");
-    }
+    said.extend(fitted.then(|| cure.to_string()));
     said.push("everything but plants: single leaves, ground, sun, sky and cameras".into());
     said
 }

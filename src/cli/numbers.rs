@@ -49,12 +49,15 @@ fn expected(found: &str, whole: bool) -> String {
     let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite() && (!whole || x.fract() == 0.0));
     let such = |text: &str, slip: &str| format!("{kind} such as {}: {slip}", text.trim());
     let with_point = found.replace(',', ".");
-    if found.matches(',').count() == 1 && number(&with_point).is_some() {
+    if !whole && found.matches(',').count() == 1 && number(&with_point).is_some() {
         return such(&with_point, "is it a decimal comma?");
     }
     let bare = found.trim_end_matches(|c: char| c.is_alphabetic() || matches!(c, '%' | '°' | ' '));
-    if bare != found && number(bare).is_some() {
-        return such(bare, "the unit is the option's own, and --help says which it is");
+    if let Some(x) = number(bare).filter(|_| bare != found) {
+        return such(
+            &if whole { x.to_string() } else { bare.to_string() },
+            "the unit is the option's own, and --help says which it is",
+        );
     }
     match found.parse::<f64>() {
         Ok(x) if whole && x.fract() != 0.0 => such(&x.round().to_string(), "this one has a fraction"),
@@ -82,6 +85,8 @@ mod tests {
             ("mesophyll fit slab --noise little", "found \"little\", expected a number such as 0.2\n"),
             ("mesophyll fit slab --noise 1.234,5", "found \"1.234,5\", expected a number such as 0.2\n"),
             ("mesophyll fit beam --samples 10.5", "found \"10.5\", expected a whole number such as 11: this one has"),
+            ("mesophyll fit beam --samples 1,000", "found \"1,000\", expected a whole number such as 2\n"),
+            ("mesophyll fit beam --samples 16.0x", "expected a whole number such as 16: the unit"),
             ("mesophyll fit beam --samples x", "found \"x\", expected a whole number such as 2\n"),
         ] {
             let found = said(words);

@@ -1,8 +1,8 @@
 //! `mesophyll render`.
 
 use super::CommonArgs;
-use crate::cli::Result;
 use crate::cli::names::named;
+use crate::cli::{Error, Result};
 use mesophyll_files::claim;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
@@ -18,7 +18,8 @@ use std::path::PathBuf;
      mesophyll render data/scenes/cluster.toml -o out/cluster --samples 1024 --resume\n  \
      mesophyll render data/scenes/breeze.toml -o out/breeze --real-time\n\n\
     Each view becomes VIEW.exr (channels R, G, B: radiance; error.R, error.G, error.B: its standard error), VIEW.png \
-    (tone-mapped) and VIEW.progress.exr, from which --resume goes on. The scene's [check] gives the picture's size. \
+    (tone-mapped) and VIEW.progress.exr, from which --resume goes on. With --real-time it becomes VIEW.exr \
+    (channels R, G, B, A) and VIEW.png alone. The scene's [check] gives the picture's size. \
     Fits that are missing are made first and kept in DIR/fits.")]
 pub struct Args {
     /// Scene to draw, with light between leaves; or the folder of a leaf's fit, which is drawn from both sides
@@ -65,6 +66,13 @@ pub fn positive(text: &str) -> std::result::Result<f64, String> {
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let manifest = SceneManifest::of(&args.scene)?;
+    // Pictures there would be replaced, and compared with themselves.
+    if let Some(against) =
+        args.against.as_ref().filter(|against| claim::resolved(against) == claim::resolved(&args.out))
+    {
+        let expected = "another folder than that of -o, whose pictures are replaced";
+        return Err(Error::argument("--against", against.display(), expected));
+    }
     let _claim = claim::folder(&args.out, claim::OutputKind::Render, &[&args.scene])?;
     let ledger = Ledger::new();
     let scene = super::preparation::scene(manifest, &args.out, &ledger)?;
@@ -118,7 +126,7 @@ fn real_time(
 
 #[cfg(not(feature = "render"))]
 fn real_time(_: LoadedScene, _: &Options, _: &Args, _: &CommonArgs, _: &Ledger) -> Result<u8> {
-    Err(crate::cli::Error::Missed("--real-time: this build has no renderer (feature `render`)".into()))
+    Err(Error::Missed("--real-time: this build has no renderer (feature `render`)".into()))
 }
 
 /// One view in a line.

@@ -2,7 +2,7 @@
 
 use crate::atomic::{self, PendingFile};
 use crate::quantity::RGB;
-use crate::{Error, Result, guard, memory};
+use crate::{Error, Result, guard, memory, whole_file};
 use exr::block::reader::ChunksReader;
 use exr::meta::header::Header;
 use exr::prelude::{
@@ -357,7 +357,7 @@ pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Res
 /// # Errors
 /// [`Error::Input`] where it cannot be read.
 pub fn read_png(path: &Path) -> Result<(usize, usize, Vec<[u8; 4]>)> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
+    let bytes = whole_file::bytes(path, whole_file::MOST_DATA)?;
     let decoded = image::codecs::png::PngDecoder::new(std::io::Cursor::new(&bytes))
         .and_then(image::DynamicImage::from_decoder)
         .map_err(|e| Error::input(path, format!("not a readable PNG ({e})")))?

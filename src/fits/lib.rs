@@ -15,6 +15,7 @@ pub mod look;
 pub mod photo;
 pub mod plates;
 pub mod record;
+mod rivals;
 pub mod sky;
 pub mod slab;
 pub mod transfer;

@@ -60,31 +60,29 @@ fn python() -> Option<PathBuf> {
     made.as_ref().map(|(_, python)| python.clone())
 }
 
-#[test]
-fn the_package_gives_the_numbers_of_the_command_line() {
+/// Runs a file of `tests/python`, which has so many tests, with the package and the program.
+#[track_caller]
+fn passes(file: &str, tests: usize) {
     let Some(python) = python() else { return };
     let mut command = Command::new(python);
-    command.arg("tests/python/package.py").current_dir(root());
+    command.arg(root().join("tests/python").join(file)).current_dir(root());
     let said = done(command.env("MESOPHYLL", env!("CARGO_BIN_EXE_mesophyll")));
-    assert!(said.contains("Ran 16 tests"), "{said}");
+    assert!(said.contains(&format!("Ran {tests} tests")), "{said}");
+}
+
+#[test]
+fn the_package_gives_the_numbers_of_the_command_line() {
+    passes("package.py", 16);
 }
 
 #[test]
 fn the_package_has_every_verb() {
-    let Some(python) = python() else { return };
-    let mut command = Command::new(python);
-    command.arg("tests/python/verbs.py").current_dir(root());
-    let said = done(command.env("MESOPHYLL", env!("CARGO_BIN_EXE_mesophyll")));
-    assert!(said.contains("Ran 16 tests"), "{said}");
+    passes("verbs.py", 16);
 }
 
 #[test]
 fn the_package_has_every_design() {
-    let Some(python) = python() else { return };
-    let mut command = Command::new(python);
-    command.arg("tests/python/designs.py").current_dir(root());
-    let said = done(command.env("MESOPHYLL", env!("CARGO_BIN_EXE_mesophyll")));
-    assert!(said.contains("Ran 3 tests"), "{said}");
+    passes("designs.py", 3);
 }
 
 #[test]

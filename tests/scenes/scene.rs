@@ -178,6 +178,14 @@ fn a_fit_is_drawn_from_both_sides() {
     manifest.ground = None;
     for ((view, alone), whole) in views.iter().zip(covered(manifest)).zip(over_ground) {
         assert!(out.join(format!("{}.png", view.name)).is_file());
+        let drawn = mesophyll::files::image::read_exr(&out.join(format!("{}.exr", view.name))).unwrap();
+        let green = drawn.get("G").unwrap();
+        let inside: Vec<f32> = (0..alone.len()).filter(|k| alone[*k] == 1.0).map(|k| green[k]).collect();
+        assert!(
+            inside.iter().filter(|g| **g > 0.0).count() * 10 > 9 * inside.len(),
+            "{}: the leaf is black",
+            view.name
+        );
         let columns: Vec<usize> = (0..alone.len()).filter(|k| alone[*k] > 0.0).map(|k| k % size[0]).collect();
         let [from, to] = [*columns.iter().min().unwrap(), *columns.iter().max().unwrap()];
         assert!(from > 0 && to + 1 < size[0], "{}: cut off", view.name);

@@ -110,7 +110,7 @@ impl Error {
     }
 
     /// `path:line: message`, for an input that is not the TOML it should be; unknown and missing fields are named, and
-    /// so is the field of a value that is wrong.
+    /// so is the field of a value that is wrong (within its table, whose line is given).
     pub fn toml(path: &Path, text: &str, e: &toml::de::Error) -> Self {
         let before = e.span().map(|s| &text[..s.start.min(text.len())]);
         let line = before.map_or(0, |before| before.matches('\n').count() + 1);
@@ -251,13 +251,10 @@ mod tests {
         let e = toml::from_str::<toml::Table>(text).unwrap_err();
         assert!(said(Error::toml(path, text, &e)).starts_with("a/capture.toml:2: "));
         // A value of another kind is named by its key.
-        let text = "a = 1\n  b.wide = \"x\"\nc = [1,\n2]\n";
-        let e = toml::from_str::<std::collections::BTreeMap<String, i64>>(text).unwrap_err();
-        assert!(
-            said(Error::toml(path, text, &e)).starts_with("a/capture.toml:2: "),
-            "{}",
-            said(Error::toml(path, text, &e))
-        );
+        type Nested = std::collections::BTreeMap<String, std::collections::BTreeMap<String, i64>>;
+        let text = "a.long = 1\n  b.wide = \"x\"\n";
+        let named = said(Error::toml(path, text, &toml::from_str::<Nested>(text).unwrap_err()));
+        assert!(named.starts_with("a/capture.toml:2: b.wide: "), "{named}");
         let e = toml::from_str::<std::collections::BTreeMap<String, i64>>("wide = \"x\"\n").unwrap_err();
         let named = said(Error::toml(path, "wide = \"x\"\n", &e));
         assert!(named.starts_with("a/capture.toml:1: wide: "), "{named}");

@@ -127,7 +127,8 @@ impl DesignProblem {
         self.situations.first().map_or(0, |s| s.rows.len())
     }
 
-    /// Covariance in one situation, where each candidate counts with a weight; `None` where numbers overflow.
+    /// Covariance in one situation, where each candidate counts with a weight; `None` where numbers overflow,
+    /// or where double precision cannot tell the parameters apart by these readings.
     fn covariance(&self, situation: &DesignSituation, weight: impl Fn(usize) -> f64) -> Option<DMatrix<f64>> {
         let p = self.parameters.len();
         let prior = |k: usize| self.parameters[k].known;
@@ -211,7 +212,8 @@ impl DesignProblem {
         state.iter_mut().zip(&self.situations).for_each(|(s, of)| s.update(&of.rows[candidate], sign));
     }
 
-    /// The best `count` readings, those that are taken already among them. `None` where a Jacobian is not finite.
+    /// The best `count` readings, those that are taken already among them. `None` where a Jacobian is not finite, or
+    /// where double precision cannot tell the parameters apart.
     pub fn choose(&self, count: usize) -> Option<DesignChoice> {
         self.choose_watched(count, &|_, _| true)
     }

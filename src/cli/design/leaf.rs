@@ -204,7 +204,8 @@ impl Args {
     }
 
     fn impossible(&self) -> Error {
-        let what = "these places of the tube do not show what is asked for: the numbers of a design are not finite";
+        let what = "these places of the tube do not show what is asked for: the numbers of a design are not finite, \
+                    or too unlike for double precision";
         Error::Missed(format!("{}: {what}", self.leaf.display()))
     }
 }

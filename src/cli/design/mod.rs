@@ -56,6 +56,8 @@ struct DesignAnswer {
     sets: Vec<ReadingSet>,
     /// The ratio that no set as large as the chosen one can fall below.
     best_possible: Option<f64>,
+    /// What the chosen readings leave undetermined, by name.
+    undetermined: Vec<String>,
     /// What else has to be said, a sentence each.
     notes: Vec<String>,
     /// Columns of the chosen readings, and a row each.
@@ -107,6 +109,7 @@ impl DesignAnswer {
             "best_possible_over_all": self.best_possible,
             "columns": self.chosen.0,
             "chosen": self.chosen.1.iter().map(chosen).collect::<Vec<_>>(),
+            "undetermined": self.undetermined,
             "notes": self.notes,
         })
     }

@@ -3,7 +3,7 @@
 use super::{ChosenIo, DesignAnswer, ReadingSet};
 use crate::cli::{CommonArgs, Error, Result, destination};
 use mesophyll_base::selection::{DesignChoice, evenly};
-use mesophyll_fit_scene::design::{SceneDesign, SceneDesignOptions, plan};
+use mesophyll_fit_scene::design::{SceneDesignOptions, plan};
 use mesophyll_fits::design::search;
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
@@ -86,8 +86,13 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     let scene = LoadedScene::open(SceneManifest::read(&args.scene)?, search_in, &ledger)?;
     scene.require_sound_fits(&ledger)?;
     let design = plan(&scene, &options, &ledger)?;
-    let impossible =
-        || Error::Missed("these pictures do not show what is asked for: their numbers are not finite".into());
+    let impossible = || {
+        Error::Missed(
+            "these pictures do not show what is asked for: their numbers are not finite, or too \
+                                       unlike for double precision"
+                .into(),
+        )
+    };
     let judged = |set: &[usize]| design.problem.judge(set).ok_or_else(impossible);
     let (there, new, more) = (design.there(), design.candidates.len(), usize::from(args.more));
     if new < more {
@@ -138,13 +143,20 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         let words = numbers.map(|v| if v.is_nan() { String::new() } else { format!("{:.3}", v + 0.0) });
         answer.chosen.1.push(std::iter::once(one.camera_name.clone()).chain(words).collect());
     }
-    answer.notes.extend(notes(&design, &choice, &hidden));
+    answer.undetermined = design.undetermined(&choice);
+    answer.notes.extend(notes(&answer.undetermined, &hidden));
+    if scene.manifest.taken.iter().any(|taken| taken.exposure.is_some()) {
+        answer.notes.push(
+            "Further pictures count as being in the scene's units. One whose exposure is unknown, too, tells less."
+                .into(),
+        );
+    }
     answer.give(&args.io, &[&args.scene], common)?;
     Ok(0)
 }
 
 /// What has to be said of a choice.
-fn notes(design: &SceneDesign, choice: &DesignChoice, hidden: &[String]) -> Vec<String> {
+fn notes(undetermined: &[String], hidden: &[String]) -> Vec<String> {
     let mut out = Vec::new();
     if !hidden.is_empty() {
         out.push(format!(
@@ -152,7 +164,7 @@ fn notes(design: &SceneDesign, choice: &DesignChoice, hidden: &[String]) -> Vec<
             hidden.join(", ")
         ));
     }
-    let open: Vec<String> = design.undetermined(choice).into_iter().filter(|name| !hidden.contains(name)).collect();
+    let open: Vec<&str> = undetermined.iter().filter(|name| !hidden.contains(*name)).map(String::as_str).collect();
     if !open.is_empty() {
         out.push(format!("The chosen pictures leave {} undetermined; --more would help.", open.join(", ")));
     }

@@ -1,8 +1,9 @@
 //! `mesophyll eval bands`: spectra in, what bands see of them out.
 
 use super::bands_response::{BandResponse, ResponseChoice};
+use crate::cli::Result;
+use crate::cli::fit::check_noise;
 use crate::cli::{CommonArgs, batch, tables};
-use crate::cli::{Error, Result};
 use mesophyll_files::spectra::{self, ReadingUnit, SpectrumColumn};
 use mesophyll_files::table::{BatchIo, BatchSpec, InputTable, Omissions, OutputRow, PhysicalRange, RowTally, Status};
 
@@ -99,9 +100,7 @@ impl Quantities {
 }
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
-    if let Some(noise) = args.noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
-        return Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more")));
-    }
+    check_noise(args.noise)?;
     let response = args.response.read()?;
     let table = spectra::open(&args.io.input)?;
     let tally = match spectra::long(&table)? {

@@ -89,6 +89,11 @@ fn of_table(path: &Path) -> Result<Vec<SensorBand>> {
     if names.len() < 2 {
         return Err(Error::input(table.name(), "no column beside the wavelengths; expected one for each band"));
     }
+    // The answer has a column r_NAME and r_NAME_err for each band, and others with `abaxial_` for lower sides.
+    if let Some(taken) = names.iter().find(|name| name.ends_with("_err") || name.starts_with("abaxial_")) {
+        let what = "found a column whose name is one of the answer's; expected the name of a band";
+        return Err(Error::field(table.name(), taken, what));
+    }
     let (mut rows, mut record): (Vec<Vec<f64>>, _) = (Vec::new(), TableRecord::default());
     while table.next_record(&mut record)? {
         let bad = |what: String| Err(Error::field(table.name(), &format!("line {}", record.line()), what));

@@ -18,7 +18,7 @@ pub struct Args {
 
 /// Columns that say the season, of which a table has one.
 const SEASONS: [&str; 2] = ["declination_deg", "day_of_year"];
-/// What the other columns, and these, may hold.
+/// What these may hold.
 const RANGES: [[f64; 2]; 2] = [[-MOST_DECLINATION_DEG, MOST_DECLINATION_DEG], [1.0, 366.0]];
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
@@ -50,7 +50,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
         let declination = if by_day { declination_deg(cells[2]) } else { cells[2] };
         let (zenith, azimuth) = sun_place(cells[0], declination, cells[1]);
         let status = if zenith.sin() < 1e-9 {
-            Status::Undetermined("sun_azimuth_deg (the sun stands on the vertical)".into())
+            Status::undetermined(["sun_azimuth_deg"], "the sun stands on the vertical")
         } else {
             Status::Ok
         };

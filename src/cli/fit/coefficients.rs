@@ -46,7 +46,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
             file.finish()?;
         }
     }
-    progress::say(calibration::words(&trained.coefficients));
+    progress::say(calibration::words(&trained.coefficients, training.without_species));
     for said in trained.uncarried.iter().chain(&trained.suspects) {
         progress::say(format!("{}: {said}", name.display()));
     }

@@ -53,7 +53,7 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
 ///
 /// # Errors
 /// [`Error::Usage`] for one that is negative or no number.
-fn check_noise(noise: Option<f64>) -> Result<()> {
+pub(crate) fn check_noise(noise: Option<f64>) -> Result<()> {
     match noise.filter(|n| !(*n >= 0.0 && n.is_finite())) {
         Some(noise) => Err(Error::Usage(format!("--noise is {noise}; expected a standard error of 0 or more"))),
         None => Ok(()),

@@ -40,7 +40,7 @@ pub fn no_leaf(column: &str, thickness: f64, unit: Option<LengthUnit>, values: &
 pub fn doubted(status: Status, why: &str) -> Status {
     match status {
         Status::Ok => Status::undetermined(["sigma_a", "sigma_s"], why),
-        Status::Undetermined(what) => Status::Undetermined(format!("{what} ({why})")),
+        Status::Undetermined(what) => Status::undetermined([what], why),
         refused => refused,
     }
 }

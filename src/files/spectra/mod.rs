@@ -323,7 +323,8 @@ impl ReadingUnit {
         let mut shares: Vec<f64> = table.head(columns).into_iter().map(|v| self.scale * v).collect();
         shares.retain(|v| (-0.009..=2.0).contains(v));
         let Some(median) = median(&mut shares) else { return Ok(()) };
-        let meant = format!("--noise {}", noise / 100.0);
+        // Rounded, because 0.07 / 100 is 0.0007000000000000001.
+        let meant = format!("--noise {}", (noise * 1e4).round() / 1e6);
         if noise > median {
             let expected = format!(
                 "a share of 1, also beside --percent; half of the first readings are below {median:.3}, less than \

@@ -151,11 +151,17 @@ pub fn of_capture(folder: &Path, options: &TubeDesignOptions, more: bool) -> Res
     planned.options = options;
     texels.iter_mut().for_each(|t| t.noise.floor /= Rgb::splat(options.exposure));
     let (places, taken) = places(manifest, options, more);
-    if places.is_empty() {
-        let what = "no place of the tube lies within the passes, or limits.x_mm and limits.y_mm, at a whole number of";
-        let step = manifest.limits.and_then(|l| l.step_mm).unwrap_or(0.0);
-        let path = folder.join("capture.toml");
-        return Err(Error::field(&path, "limits.step_mm", format!("{what} steps of {step} mm; expected a finer step")));
+    // A capture may lack pass y, but not pass x.
+    let x_is_asked = options.passes.is_empty() || options.passes.contains(&Travel::X);
+    if places.is_empty() || x_is_asked && places.iter().all(|place| place.pass != Travel::X) {
+        let what = "no place of the tube in pass x lies within the pass, or limits.x_mm";
+        let [field, rest] = match manifest.limits.and_then(|limits| limits.step_mm) {
+            Some(step) => {
+                ["limits.step_mm", &format!(", at a whole number of steps of {step} mm; expected a finer step")]
+            }
+            None => ["limits", "; expected a range in which the tube can stand"],
+        };
+        return Err(Error::field(&folder.join("capture.toml"), field, format!("{what}{rest}")));
     }
     let mut design = finished(planned.fitted(), places, texels, options);
     design.taken = taken;
@@ -199,22 +205,21 @@ pub(super) fn places(manifest: &TubeManifest, options: &TubeDesignOptions, more:
     let (mut places, mut taken) = (Vec::new(), Vec::new());
     let limits = manifest.limits.unwrap_or_default();
     for pass in [Travel::X, Travel::Y] {
-        let own = manifest.pass(pass).map(|p| p.positions()).unwrap_or_default();
+        let mut own = manifest.pass(pass).map(|p| p.positions()).unwrap_or_default();
         let reach = limits.of(pass).or_else(|| Some([*own.first()?, *own.last()?]));
         let (Some(reach), true) = (reach, options.passes.is_empty() || options.passes.contains(&pass)) else {
             continue;
         };
-        // The frames of the scan themselves, unless others are asked for.
-        let fine = options.candidates.or((more || own.is_empty()).then_some(100));
-        let others = fine.map(|n| ramp(reach, n, limits.step_mm)).unwrap_or_default();
         // A frame that stays was taken, whatever the limits say now; one that is to be taken again has to be possible.
         let whole = |p: f64| limits.step_mm.is_none_or(|step| ((p / step).round() * step - p).abs() < 1e-6);
         let possible = |p: &f64| whole(*p) && limits.of(pass).is_none_or(|[a, b]| (a - 1e-6..=b + 1e-6).contains(p));
-        let kept = match (more, fine) {
-            (true, _) => own,
-            (false, None) => own.into_iter().filter(possible).collect(),
-            (false, Some(_)) => Vec::new(),
-        };
+        if !more {
+            own.retain(possible);
+        }
+        // The frames of the scan themselves, unless others are asked for or none of them is possible.
+        let fine = options.candidates.or((more || own.is_empty()).then_some(100));
+        let others = fine.map(|n| ramp(reach, n, limits.step_mm)).unwrap_or_default();
+        let kept = if more || fine.is_none() { own } else { Vec::new() };
         let first = places.len();
         if more {
             taken.extend(first..first + kept.len());

@@ -4,7 +4,7 @@ use crate::Result;
 use mesophyll_base::selection::{DesignChoice, DesignProblem};
 use mesophyll_files::progress::{TaskProgress, go_on, stop_requested};
 
-/// The best `count` readings, those that are taken already among them; `None` where a Jacobian is not finite.
+/// The best `count` readings, those that are taken already among them; `None` as [`DesignProblem::choose`].
 ///
 /// # Errors
 /// A stop that was asked for.

@@ -225,7 +225,7 @@ impl TubeDesign {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gloss::synthetic::{GaussianDeviates, device, ramp, trace};
+    use crate::gloss::synthetic::{GaussianDeviates, LEAF, device, ramp, trace};
 
     fn places(frames: usize) -> Vec<TubePlace> {
         let pass =
@@ -243,15 +243,6 @@ mod tests {
         let texels = texels.iter().map(texel).collect();
         TubeDesign { device, places: places(50), texels, wanted: wanted.to_vec(), taken: Vec::new() }
     }
-
-    const LEAF: [([f64; 2], f64, [f64; 2]); 6] = [
-        ([-30.0, 10.0], 0.15, [0.05, -0.1]),
-        ([30.0, -12.0], 0.22, [-0.1, 0.08]),
-        ([0.0, 0.0], 0.3, [0.15, 0.02]),
-        ([12.0, 18.0], 0.18, [-0.03, 0.15]),
-        ([-15.0, -20.0], 0.25, [0.0, 0.0]),
-        ([25.0, 5.0], 0.2, [0.1, -0.05]),
-    ];
 
     /// The errors that a design states are the scatter of fits to noisy scans at its places.
     #[test]

@@ -60,7 +60,10 @@ pub fn fit(texels: &[DomeTexel], shared: DomeSharedErrors, letter: &str) -> Dome
     let start_at = At::new(&groups, x);
     let (At { x, .. }, end) = damping::minimize(&mut Leaf(&groups), start_at, &DampingControl::HALVED);
     let settled = end.converged();
-    let error = |value: f64, of_mean: f64, at: f64| value * (of_mean / at).hypot(shared.thickness);
+    // Where the search did not settle, its end says nothing of an error.
+    let error = |value: f64, of_mean: f64, at: f64| {
+        if settled { value * (of_mean / at).hypot(shared.thickness) } else { f64::INFINITY }
+    };
     let (a, s) = (error(x[0], start.sigma_a_err, start.sigma_a), error(x[1], start.sigma_s_err, start.sigma_s));
     for (name, value, err) in [("sigma_a", x[0], a), ("sigma_s", x[1], s)] {
         if !settled {

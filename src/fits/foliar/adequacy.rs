@@ -1,6 +1,7 @@
 //! Whether the layered leaf describes what was measured, and whether its answer is that of a leaf.
 
 use super::{FoliarFitModel, FoliarParameter, FoliarReading};
+use crate::rivals::POSSIBLE;
 use mesophyll_base::solvers::multi_start::MultiStart;
 use mesophyll_base::solvers::{Adequacy, ReadingOrder, ResidualNoise, SolutionResiduals, judge};
 use mesophyll_optics::side::Side;
@@ -103,20 +104,17 @@ fn most(p: FoliarParameter) -> f64 {
     }
 }
 
-/// A minimum whose logarithm of likelihood is below that of the best one by less than this is left open: ln 20.
-const LEFT_OPEN: f64 = 3.0;
-
 /// The value of the `k`-th parameter, in the solver's variables, in another minimum that the readings leave open and
-/// that lies further away than the standard error `s`.
-pub(super) fn rival(found: &MultiStart, k: usize, s: f64, stated: Stated) -> Option<f64> {
+/// that lies further away than the standard error `s`; and the odds of that minimum.
+pub(super) fn rival(found: &MultiStart, k: usize, s: f64, stated: Stated) -> Option<(f64, f64)> {
     let (best, readings) = (&found.best, found.best.residuals.len() as f64);
     // Where no noise is stated, it is as large as what the best minimum leaves.
     let behind = |cost: f64| match stated {
         Stated::Errors => cost - best.cost,
         _ => 0.5 * readings * (cost / best.cost).ln(),
     };
-    let others = found.minima.iter().filter(|m| behind(m.cost) < LEFT_OPEN);
-    others.map(|m| m.params[k]).find(|x| (x - best.params[k]).abs() > s)
+    let others = found.minima.iter().map(|m| (m.params[k], (-behind(m.cost)).exp()));
+    others.filter(|(_, odds)| *odds >= POSSIBLE).find(|(x, _)| (x - best.params[k]).abs() > s)
 }
 
 /// Says so where a parameter may lie at the edge of the searched range, within two standard errors. Where the parameter
@@ -152,7 +150,7 @@ mod tests {
             let found = two_minima(sign);
             let other = rival(&found, 0, 0.1, Stated::Errors);
             assert_eq!(other.is_some(), open, "{sign}: {:?}", found.minima);
-            assert!(other.is_none_or(|x| (x + found.best.params[0]).abs() < 0.2), "{other:?}");
+            assert!(other.is_none_or(|(x, _)| (x + found.best.params[0]).abs() < 0.2), "{other:?}");
         }
         // One within the error of the best is the same answer.
         assert_eq!(rival(&two_minima(0.0), 0, 5.0, Stated::Errors), None);

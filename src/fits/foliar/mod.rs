@@ -10,6 +10,7 @@ mod surfaces;
 
 pub use mesophyll_capture::pigments;
 
+use crate::rivals::how_well;
 use adequacy::Stated;
 use mesophyll_base::solvers::{ClosureProblem, Options as Solver, Problem, ResidualNoise, multi_start};
 use mesophyll_files::table::{OutputRow, Status};
@@ -367,8 +368,9 @@ impl FoliarFitModel {
                 open.push(bound.clone());
             } else if let Some(why) = adequacy::no_leaf_has(*p, value) {
                 open.push(why);
-            } else if let Some(x) = adequacy::rival(&found, k, s * judged.widening[k], noise).filter(|_| !lost) {
-                open.push(format!("{} ({:.3} explains the leaf about as well)", p.column(), p.shown(x)));
+            } else if let Some((x, odds)) = adequacy::rival(&found, k, s * judged.widening[k], noise).filter(|_| !lost)
+            {
+                open.push(format!("{} ({:.3} explains the leaf {})", p.column(), p.shown(x), how_well(odds)));
             } else if lost || fit.at_bound.contains(&k) || known_noise && error > PROMISE * value {
                 open.push(p.column().to_string());
             }

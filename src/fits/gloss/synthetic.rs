@@ -19,6 +19,16 @@ pub struct GlossFitTruth {
     pub tilt: [f64; 2],
 }
 
+/// Texels of a leaf for designs: place on the blade (mm), m, and tilts (rad).
+pub const LEAF: [([f64; 2], f64, [f64; 2]); 6] = [
+    ([-30.0, 10.0], 0.15, [0.05, -0.1]),
+    ([30.0, -12.0], 0.22, [-0.1, 0.08]),
+    ([0.0, 0.0], 0.3, [0.15, 0.02]),
+    ([12.0, 18.0], 0.18, [-0.03, 0.15]),
+    ([-15.0, -20.0], 0.25, [0.0, 0.0]),
+    ([25.0, 5.0], 0.2, [0.1, -0.05]),
+];
+
 /// The default device: 100 mm high, 500 mm long, 2.5 mm radius, camera at 55°, floor 5e-4.
 pub fn device(lobe: Lobe, noise_relative: f64) -> GlossFitDevice {
     let camera = 55f64.to_radians();

@@ -79,7 +79,6 @@ mod tests {
     use crate::record::FitRecord;
     use crate::record::maker::FitOutcome;
     use mesophyll_files::image::ChannelMaps;
-    use mesophyll_optics::tube::Travel;
     use mesophyll_synth::leaf::SyntheticLeaf;
     use mesophyll_synth::scan;
     use mesophyll_synth::spec::{InteriorModel, LeafSpec};
@@ -92,17 +91,7 @@ mod tests {
         (spec.veins.tertiary_mm, spec.veins.areole_mm) = (0.0, 0.0);
         let [width, height] = [24, 40];
         let leaf = SyntheticLeaf::grow(&spec, InteriorModel::Exact, width, height).unwrap();
-        let options = scan::Options {
-            width,
-            height,
-            frames: 24,
-            passes: vec![Travel::X, Travel::Y],
-            positions: Vec::new(),
-            noise: 0.01,
-            seed: 3,
-            model: InteriorModel::Exact,
-            raw_exposures: false,
-        };
+        let options = scan::Options { width, height, frames: 24, seed: 3, ..scan::Options::default() };
         scan::scan(&spec, &leaf, &options, folder).unwrap();
         TubeManifest::read(folder).unwrap()
     }

@@ -207,7 +207,7 @@ pub fn fit(
         if opaque {
             // The transmittance of this channel may be nothing but noise. Then the curvature where the fit stopped says
             // nothing about thicker slabs.
-            [rel_a[c], rel_s[c]] = indeterminacy::relative(&mean);
+            [rel_a[c], rel_s[c]] = indeterminacy::relative(&mean).map(|r| r.hypot(gauge));
         }
         match mean.status {
             inverse::Status::Undetermined(what) => Some(what),

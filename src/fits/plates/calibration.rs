@@ -221,15 +221,13 @@ pub(super) fn judged(
     PlateTrained { coefficients: all, suspects, uncarried }
 }
 
-/// How well unseen leaves were described and their contents found, for the one who trains.
-pub fn words(coefficients: &PlateCoefficients) -> String {
+/// How well unseen leaves were described and their contents found, for the one who trains. Where the table had no
+/// species, `without_species` says so.
+pub fn words(coefficients: &PlateCoefficients, without_species: bool) -> String {
     let PlatePopulation { rms, off, counts: [leaves, species], .. } = coefficients.population;
     let off: Vec<String> = SUBSTANCES[..4].iter().zip(off).map(|(n, x)| format!("{n} {:.0} %", 100.0 * x)).collect();
-    let of = if leaves == species {
-        ", each taken for a species of its own".into()
-    } else {
-        format!(" of {species} species")
-    };
+    let of =
+        if without_species { ", each taken for a species of its own".into() } else { format!(" of {species} species") };
     format!(
         "{leaves} leaves{of}; of a leaf whose species was left out an rms of {rms:.4} is left \
          (median), and contents are off by {} beside the errors of each fit",

@@ -44,6 +44,23 @@ pub struct Options {
     pub raw_exposures: bool,
 }
 
+impl Default for Options {
+    /// A scan of full size with 1 % of noise, of a leaf whose σa is the same everywhere.
+    fn default() -> Options {
+        Options {
+            width: 720,
+            height: 540,
+            frames: 100,
+            passes: vec![Travel::X, Travel::Y],
+            positions: Vec::new(),
+            noise: 0.01,
+            seed: 1,
+            model: InteriorModel::Exact,
+            raw_exposures: false,
+        }
+    }
+}
+
 /// White, dark and light-box references are averaged over this many shots.
 pub(crate) const SHOTS: f64 = 64.0;
 /// Radiance of the light box at its middle.

@@ -33,8 +33,12 @@ impl SensorBand {
         if let Some(bad) = points.iter().find(|p| !(p[1] >= 0.0 && p[1].is_finite())) {
             return Err(format!("the response is {} at {} nm; expected 0 or more", bad[1], bad[0]));
         }
-        if !points.iter().all(|p| p[0] > 0.0 && p[0].is_finite()) || !points.windows(2).all(|p| p[0][0] < p[1][0]) {
-            return Err("expected wavelengths in nm that ascend".into());
+        if let Some([nm, _]) = points.iter().find(|p| !(p[0] > 0.0 && p[0].is_finite())) {
+            return Err(format!("found a wavelength of {nm} nm; expected one above 0"));
+        }
+        if let Some(pair) = points.windows(2).find(|p| p[0][0] >= p[1][0]) {
+            let [[a, _], [b, _]] = [pair[0], pair[1]];
+            return Err(if a == b { format!("{a} nm stands twice") } else { format!("{b} nm stands after {a} nm") });
         }
         let seen = points.windows(2).any(|p| p[0][1] + p[1][1] > 0.0);
         seen.then(|| SensorBand { name: name.into(), points }).ok_or_else(|| "the response is 0 everywhere".into())

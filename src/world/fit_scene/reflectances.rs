@@ -14,12 +14,19 @@ const CHANNELS: [&str; 3] = ["brf_r", "brf_g", "brf_b"];
 
 /// The bands of a table: columns such as `brf_865`, each with its wavelength (nm).
 fn bands(table: &InputTable) -> Result<Vec<(String, f64)>> {
-    let mut out = Vec::new();
+    let mut out: Vec<(String, f64)> = Vec::new();
     for column in &table.header {
         let Some(Ok(nm)) = column.strip_prefix(FACTOR).map(str::parse::<f64>) else { continue };
         if !(100.0..=30_000.0).contains(&nm) {
             let what = "no wavelength; expected a number of nm from 100 to 30000 after brf_";
             return Err(Error::field(table.name(), column, what));
+        }
+        if let Some((other, _)) = out.iter().find(|(_, there)| *there == nm) {
+            return Err(Error::field(
+                table.name(),
+                column,
+                format!("the wavelength of {other} again; expected it once"),
+            ));
         }
         out.push((column.clone(), nm));
     }
@@ -94,6 +101,13 @@ pub fn read(
         ..BatchSpec::default()
     };
     let stated = errors.iter().all(|name| table.column(name).is_some());
+    if let (Some(there), Some(missing)) = (
+        errors.iter().find(|name| table.column(name).is_some()),
+        errors.iter().find(|name| table.column(name).is_none()),
+    ) {
+        let what = format!("no such column, beside {there}; expected errors of all factors or of none");
+        return Err(Error::field(table.name(), missing, what));
+    }
     let table = Groups::one(table, &spec, "scene", &manifest.name)?;
     let sun = manifest.sun.as_ref().map_or(0.0, |sun| sun.azimuth_deg);
     let (m, n) = (columns.len(), wavelengths.map_or(CHANNELS.len(), <[f64]>::len));

@@ -9,7 +9,7 @@ use crate::loaded::LoadedScene;
 use crate::path_tracing::{made_from, views};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
-use mesophyll_base::tone::{PictureDisplay, ToneCurve};
+use mesophyll_base::tone::ToneCurve;
 use mesophyll_files::image::{self, ChannelMaps, Packing};
 use mesophyll_files::progress::{self, TaskProgress};
 use mesophyll_files::{atomic, hash, memory};
@@ -121,8 +121,7 @@ pub fn film(scene: &mut LoadedScene, options: &Options, ledger: &Ledger) -> Resu
     // The transfer changes pictures too, and another version of this program may also do so.
     let between = scene.transfer.as_ref().map_or("", |t| &t.record.record_hash);
     let made_from = made_from(scene, &view)?;
-    let own = scene.manifest.display();
-    let display = PictureDisplay { curve: options.tone.unwrap_or(own.curve), ..own };
+    let display = scene.manifest.display_by(options.tone);
     let lawns = lawns(scene)?;
     let film = SceneFilm {
         film: scene.manifest.name.clone(),

@@ -6,7 +6,7 @@ use crate::loaded::LoadedScene;
 use crate::manifest::PerspectiveView;
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
-use mesophyll_base::tone::{self, PictureChannels, PictureDisplay, ToneCurve};
+use mesophyll_base::tone::{self, PictureChannels, ToneCurve};
 use mesophyll_files::{atomic, hash, image, memory, progress};
 use mesophyll_transport::ReferenceWorld;
 use mesophyll_transport::path::{DrawingOutcome, PathPicture, PathRequest, PathSettings, PathTracer, SamplingTarget};
@@ -292,8 +292,7 @@ fn displayed(
     view: &PerspectiveView,
     options: &Options,
 ) -> Result<Vec<u8>> {
-    let own = scene.manifest.display();
-    let display = PictureDisplay { curve: options.tone.unwrap_or(own.curve), ..own };
+    let display = scene.manifest.display_by(options.tone);
     let exposure = scene.manifest.exposure_of(display.curve);
     let surfaces = match display.channels {
         PictureChannels::Srgb => Vec::new(),

@@ -6,7 +6,6 @@ use crate::path_tracing::{Options, RECORD, views};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
 use mesophyll_base::statistics::percentile;
-use mesophyll_base::tone::PictureDisplay;
 use mesophyll_files::image::{self, ChannelMaps, Packing};
 use mesophyll_files::{atomic, memory, progress};
 use mesophyll_transport::comparison;
@@ -47,8 +46,7 @@ pub fn render(
     let views = views(scene, options.view.as_deref())?;
     let mut renderer = viewer::Renderer::headless(&viewer::Options::default()).map_err(drawn_by)?;
     let adapter = renderer.adapter().clone();
-    let own = scene.manifest.display();
-    let display = PictureDisplay { curve: options.tone.unwrap_or(own.curve), ..own };
+    let display = scene.manifest.display_by(options.tone);
     let mut drawn = handover::shown(scene, display, ledger)?;
     renderer.set_scene(&drawn).map_err(drawn_by)?;
     let [width, height] = [scene.manifest.check.width, scene.manifest.check.height];
@@ -60,13 +58,14 @@ pub fn render(
             renderer.set_time(wind);
         }
         let picture = renderer.render(&handover::camera(&view.camera), width, height).map_err(drawn_by)?;
+        // A picture that cannot be compared with leaves what is there as it is.
+        let flip = against.map(|folder| flip(&folder.join(format!("{}.png", view.name)), &picture)).transpose()?;
         let file = |ending: &str| options.out.join(format!("{}.{ending}", view.name));
         let channel = |c: usize| picture.hdr.iter().map(|pixel| pixel[c]).collect::<Vec<f32>>();
         let channels = [("R", 0), ("G", 1), ("B", 2), ("A", 3)].map(|(name, c)| (name.to_string(), channel(c)));
         let maps = ChannelMaps { width: width as usize, height: height as usize, channels: channels.into() };
         image::write_exr(&file("exr"), &maps, Packing::Zip)?;
         image::write_png(&file("png"), width as usize, height as usize, picture.ldr.as_flattened())?;
-        let flip = against.map(|folder| flip(&folder.join(format!("{}.png", view.name)), &picture)).transpose()?;
         all.push(RealTimeView {
             flip,
             view: view.name.clone(),

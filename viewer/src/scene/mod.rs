@@ -200,9 +200,9 @@ pub struct AlbedoPattern {
     pub height: u32,
     /// Reflectance, row by row; row 0 has the largest y.
     pub texels: Arc<Vec<[f32; 3]>>,
-    /// The place in the world where the least x and y of a map lie.
+    /// x and y of the map's corner with the least of both (mm).
     pub corner: [f32; 2],
-    /// Lengths of the map in the world.
+    /// Lengths of the map along x and y (mm).
     pub size: [f32; 2],
 }
 

@@ -12,7 +12,9 @@ pub(crate) fn material(gpu: &Gpu, scene: &Scene, index: usize) -> Result<()> {
         Some(Material::Opaque(o)) if !o.albedo.iter().all(|v| (0.0..=1.0).contains(v)) => {
             Err(wrong(format!("opaque {index} ({}), albedo", o.name), format!("{:?}", o.albedo), "0 to 1"))
         }
-        Some(Material::Opaque(o)) => o.pattern.as_ref().map_or(Ok(()), |pattern| check_pattern(gpu, &o.name, pattern)),
+        Some(Material::Opaque(o)) => {
+            o.pattern.as_ref().map_or(Ok(()), |pattern| check_pattern(gpu, &format!("{index} ({})", o.name), pattern))
+        }
         None => Err(wrong("material", index, format!("below {}", scene.materials.len()))),
     }
 }
@@ -31,8 +33,11 @@ fn check_pattern(gpu: &Gpu, name: &str, pattern: &AlbedoPattern) -> Result<()> {
     if let Some(bad) = texels.iter().flatten().find(|v| !(0.0..=1.0).contains(*v)) {
         return Err(wrong(place("texels"), bad, "0 to 1"));
     }
-    if !corner.iter().all(|v| v.is_finite()) || !size.iter().all(|v| v.is_finite() && *v > 0.0) {
-        return Err(wrong(place("size"), format!("{corner:?}, {size:?}"), "finite, and lengths above 0"));
+    if !corner.iter().all(|v| v.is_finite()) {
+        return Err(wrong(place("corner"), format!("{corner:?}"), "finite"));
+    }
+    if !size.iter().all(|v| v.is_finite() && *v > 0.0) {
+        return Err(wrong(place("size"), format!("{size:?}"), "finite and above 0"));
     }
     Ok(())
 }

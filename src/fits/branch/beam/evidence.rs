@@ -14,24 +14,16 @@
 
 use super::curve::{BranchFitMarks, PRECISION};
 use super::fit::{BranchEstimate, DeflectionMark, PositionReference};
+use crate::rivals::{POSSIBLE, SUBSTANTIAL, how_well};
 use mesophyll_base::solvers::Fit;
 use mesophyll_plants::mechanics::load::Load;
 
 /// Places of a single load that are tried, as shares of the length.
 const PLACES: [f64; 4] = [0.45, 0.6, 0.75, 0.9];
-/// A load that is this many times as probable as an even one is evidence against an even one (H. Jeffreys, *Theory of
-/// Probability*, appendix B: substantial). Of simulated branches with twelve marks that carry an even load, at most 4 %
-/// come to that for tapers of .15, .3 and .5, and 11 % for .8; of tapers near .65 most do, because those are what a rod
-/// with a load at its tip looks like. Of such rods 96 % come to that. A load at the tip of a branch that tapers seldom
-/// does: only `--load` can tell.
-pub const SUBSTANTIAL: f64 = 5.0;
 /// Standard errors of a taper beyond which it is not 1.
 const FAR: f64 = 6.0;
 /// The least taper of a branch: tips of a fiftieth of the root's radius.
 const LEAST: f64 = 0.02;
-/// A load that is at least this many times as probable as an even one is left open by the readings: one chance in
-/// twenty, as a 95 % interval leaves out.
-const POSSIBLE: f64 = 0.05;
 
 /// What the readings say of a load that was not assumed.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,19 +41,17 @@ pub struct AlternativeLoad {
 }
 
 impl AlternativeLoad {
-    /// Whether it speaks against the load that was assumed.
+    /// Whether it speaks against the load that was assumed. Of simulated branches with twelve marks that carry an even
+    /// load, at most 4 % come to that for tapers of .15, .3 and .5, and 11 % for .8; of tapers near .65 most do,
+    /// because those are what a rod with a load at its tip looks like. Of such rods 96 % come to that. A load at the
+    /// tip of a branch that tapers seldom does: only `--load` can tell.
     pub fn stronger(&self) -> bool {
         self.odds > SUBSTANTIAL
     }
 
     /// How well it explains the readings beside the load that was assumed.
     pub fn how_well(&self) -> &'static str {
-        match self.odds {
-            odds if odds >= 100.0 => "far better",
-            odds if odds > SUBSTANTIAL => "as well or better",
-            odds if odds >= 1.0 / SUBSTANTIAL => "about as well",
-            _ => "nearly as well",
-        }
+        how_well(self.odds)
     }
 
     /// The error (in the unit of `found`) of a number that the assumed load puts at `found` and this one at `other`:

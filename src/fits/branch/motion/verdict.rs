@@ -6,6 +6,7 @@ use super::gusts::GustFit;
 use super::spectra::Periodograms;
 use super::whittle::GustParameters;
 use super::{MotionEstimate, MotionFit, MotionKind, MotionPrior, MotionRecord};
+use crate::rivals::{POSSIBLE, how_well};
 use mesophyll_base::error::Status;
 use std::f64::consts::PI;
 
@@ -13,8 +14,6 @@ use std::f64::consts::PI;
 const FOUND: f64 = 0.1;
 /// One kind of motion is taken where its log-likelihood is larger by this: odds of 400 to 1.
 const CLEAR: f64 = 6.0;
-/// A kind of motion whose log-likelihood is below the other's by less than this is left open by the record: ln 20.
-const LEFT_OPEN: f64 = 3.0;
 /// No branch sways more slowly, or faster, than this (Hz): tall trees sway once in ten seconds, twigs of a
 /// centimetre fifty times a second.
 const RESONANCES: [f64; 2] = [0.03, 100.0];
@@ -50,11 +49,13 @@ pub fn choose(
             // Nobody stated the kind, so the other one counts unless it is clearly less likely or does not describe the
             // record.
             if free {
-                let left = ahead < LEFT_OPEN && gusts.lack.is_none();
-                (beside(as_decay(), left.then(as_gusts)), decay.wild)
+                let odds = (-ahead).exp();
+                let left = odds >= POSSIBLE && gusts.lack.is_none();
+                (beside(as_decay(), left.then(|| (as_gusts(), odds))), decay.wild)
             } else {
-                let left = -ahead < LEFT_OPEN && decay.adequacy.describes();
-                (beside(as_gusts(), left.then(as_decay)), wild)
+                let odds = ahead.exp();
+                let left = odds >= POSSIBLE && decay.adequacy.describes();
+                (beside(as_gusts(), left.then(|| (as_decay(), odds))), wild)
             }
         }
         (Ok((gusts, wild)), Err(why)) => {
@@ -127,9 +128,9 @@ fn open(motion: &MotionFit, which: impl Fn(&MotionEstimate) -> bool, why: &str) 
     Status::undetermined(named.into_iter().chain(gains).filter(|(_, value)| which(value)).map(|(name, _)| name), why)
 }
 
-/// The motion, with what the other kind puts elsewhere left open.
-fn beside(mut motion: MotionFit, other: Option<MotionFit>) -> MotionFit {
-    let Some(other) = other else { return motion };
+/// The motion, with what the other kind puts elsewhere left open; that kind comes with its odds.
+fn beside(mut motion: MotionFit, other: Option<(MotionFit, f64)>) -> MotionFit {
+    let Some((other, odds)) = other else { return motion };
     let pairs = [(motion.resonance, other.resonance), (motion.damping, other.damping), (motion.ratio, other.ratio)];
     let differs = |(a, b): &(MotionEstimate, MotionEstimate)| (a.value - b.value).abs() > a.error.hypot(b.error);
     let apart: Vec<MotionEstimate> = pairs.into_iter().filter(differs).map(|(own, _)| own).collect();
@@ -142,9 +143,13 @@ fn beside(mut motion: MotionFit, other: Option<MotionFit>) -> MotionFit {
         _ => "a motion in gusts",
     };
     let why = format!(
-        "{kind} explains the record about as well, with a resonance of {:.3} ± {:.3} Hz and a damping of {:.3} ± {:.3} \
-         1/s; --kind states which it is",
-        other.resonance.value, other.resonance.error, other.damping.value, other.damping.error
+        "{kind} explains the record {}, with a resonance of {:.3} ± {:.3} Hz and a damping of {:.3} ± {:.3} 1/s; \
+         --kind states which it is",
+        how_well(odds),
+        other.resonance.value,
+        other.resonance.error,
+        other.damping.value,
+        other.damping.error
     );
     let unsure = |v: &MotionEstimate| !(v.error <= FOUND * v.value.abs());
     motion.status = open(&motion, |v| apart.contains(v) || unsure(v), &why);
@@ -332,7 +337,7 @@ mod tests {
     fn what_another_kind_of_motion_puts_elsewhere_is_open() {
         let pulled = motion(MotionKind::FreeDecay, [2.0, 0.02], [0.9, 0.03]);
         let gusts = motion(MotionKind::Gusts, [2.01, 0.03], [1.4, 0.1]);
-        let found = beside(pulled.clone(), Some(gusts.clone())).status;
+        let found = beside(pulled.clone(), Some((gusts.clone(), 1.0))).status;
         let open = ["resonance_hz", "damping_per_s", "damping_ratio"].map(|name| found.leaves_open(name));
         assert_eq!(open, [false, true, true], "{found}");
         let said = found.to_string();
@@ -341,7 +346,7 @@ mod tests {
         }
         // One that says the same, or none.
         let alike = motion(MotionKind::Gusts, [2.01, 0.03], [0.92, 0.1]);
-        assert_eq!(beside(pulled.clone(), Some(alike)).status, Status::Ok);
+        assert_eq!(beside(pulled.clone(), Some((alike, 1.0))).status, Status::Ok);
         assert_eq!(beside(gusts, None).status, Status::Ok);
     }
 }

@@ -51,7 +51,8 @@ impl ShadowReceivers {
     /// infinite or missing, they stay as drawn. Parts that a leaf's outline cuts away have no receivers.
     ///
     /// # Errors
-    /// [`Error::Input`] for a world that contradicts itself, a leaf of discs, or more than [`MOST_RECEIVERS`].
+    /// [`Error::Input`] for a world that contradicts itself or has groups of instances, a leaf of discs, or more than
+    /// [`MOST_RECEIVERS`].
     pub fn new(world: &ReferenceWorld, edge_mm: &[f64]) -> Result<ShadowReceivers> {
         world.validate()?;
         if !world.places.is_empty() {

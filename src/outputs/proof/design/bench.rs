@@ -7,10 +7,11 @@ use mesophyll_base::statistics::median_of;
 use mesophyll_files::atomic;
 use mesophyll_fits::design::tube::{DesignTexel, GlossFitTruth, TexelQuantity, TubeDesign, TubePlace};
 use mesophyll_fits::gloss::GlossTexelFitter;
-use mesophyll_fits::gloss::synthetic::{GaussianDeviates, device, ramp, trace};
+use mesophyll_fits::gloss::synthetic::{GaussianDeviates, LEAF, device, ramp, trace};
 use mesophyll_optics::gloss::Lobe;
 use mesophyll_optics::tube::Travel;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::Instant;
 
 /// Numbers of frames.
@@ -19,16 +20,6 @@ const FRAMES: [usize; 6] = [16, 25, 36, 50, 100, 200];
 const PLACES: usize = 100;
 /// Scans of every texel.
 const SCANS: usize = 150;
-
-/// Texels: place on the blade (mm), m, and tilts (rad).
-const LEAF: [([f64; 2], f64, [f64; 2]); 6] = [
-    ([-30.0, 10.0], 0.15, [0.05, -0.1]),
-    ([30.0, -12.0], 0.22, [-0.1, 0.08]),
-    ([0.0, 0.0], 0.3, [0.15, 0.02]),
-    ([12.0, 18.0], 0.18, [-0.03, 0.15]),
-    ([-15.0, -20.0], 0.25, [0.0, 0.0]),
-    ([25.0, 5.0], 0.2, [0.1, -0.05]),
-];
 
 /// One set of frames: how many, whether they were planned, the relative error of m that was stated and that which fits
 /// to noisy readings had, both as root mean squares over the texels, and the time of a texel's fit (µs).
@@ -41,7 +32,17 @@ struct FrameSet {
     us: f64,
 }
 
-fn measured() -> Result<Vec<FrameSet>> {
+/// The sets, measured once for the table and its picture.
+fn measured() -> Result<&'static [FrameSet]> {
+    static MEASURED: OnceLock<Vec<FrameSet>> = OnceLock::new();
+    if let Some(sets) = MEASURED.get() {
+        return Ok(sets);
+    }
+    let sets = measure()?;
+    Ok(MEASURED.get_or_init(|| sets))
+}
+
+fn measure() -> Result<Vec<FrameSet>> {
     let device = device(Lobe::Beckmann, 0.01);
     let texel = |(at_mm, m, tilt): &([f64; 2], f64, [f64; 2])| DesignTexel {
         at_mm: *at_mm,
@@ -95,7 +96,7 @@ fn measured() -> Result<Vec<FrameSet>> {
 /// # Errors
 /// A stop that was asked for.
 pub fn rows() -> Result<Vec<BenchRow>> {
-    let row = |set: FrameSet| BenchRow {
+    let row = |set: &FrameSet| BenchRow {
         model: "design".into(),
         knob: "frames".into(),
         setting: format!("{} {}", set.count, if set.planned { "planned" } else { "even" }),
@@ -107,7 +108,7 @@ pub fn rows() -> Result<Vec<BenchRow>> {
             set.stated
         ),
     };
-    Ok(measured()?.into_iter().map(row).collect())
+    Ok(measured()?.iter().map(row).collect())
 }
 
 /// Draws `designs.svg`, errors against frames, into a folder.

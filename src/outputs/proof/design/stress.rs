@@ -255,17 +255,7 @@ fn limited(limits: &str) -> Result<String> {
     let [width, height] = [12, 9];
     let leaf = SyntheticLeaf::grow(&spec, InteriorModel::Exact, width, height)
         .ok_or_else(|| Error::Missed("no texel on the leaf".into()))?;
-    let options = scan::Options {
-        width,
-        height,
-        frames: 24,
-        passes: vec![Travel::X, Travel::Y],
-        positions: Vec::new(),
-        noise: 0.01,
-        seed: 3,
-        model: InteriorModel::Exact,
-        raw_exposures: false,
-    };
+    let options = scan::Options { width, height, frames: 24, seed: 3, ..scan::Options::default() };
     scan::scan(&spec, &leaf, &options, &capture)?;
     let path = capture.join("capture.toml");
     let text = mesophyll_files::whole_file::text(&path)?;

@@ -7,7 +7,7 @@
 use crate::Result;
 use crate::bench::BenchRow;
 use crate::peers::PeerInputs;
-use mesophyll_base::statistics::median_of;
+use mesophyll_base::statistics::{median_of, percentile};
 use mesophyll_files::{progress, spectra};
 use mesophyll_fits::plates::training::{self, PlateTraining};
 use mesophyll_fits::plates::{CONTENTS, PlateFitModel, reading};
@@ -175,8 +175,7 @@ fn panel(half: &LeafHalf, through: usize) -> SpectrumPanel {
         let at = |(w, wavelength): (usize, &f64)| {
             let mut all: Vec<f64> = half.leaves.iter().map(|l| l.left[w][through]).filter(|x| !x.is_nan()).collect();
             all.sort_by(f64::total_cmp);
-            let place = share * (all.len().max(1) - 1) as f64;
-            [*wavelength, all.get(place.round() as usize).copied().unwrap_or(f64::NAN), f64::NAN]
+            [*wavelength, percentile(&all, share).unwrap_or(f64::NAN), f64::NAN]
         };
         SpectrumLine { name: name.into(), points: half.wavelengths.iter().enumerate().map(at).collect(), dots: false }
     };

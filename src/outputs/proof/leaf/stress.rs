@@ -172,11 +172,9 @@ fn run(case: &Case) -> Result<StressRow> {
         height,
         frames: case.frames,
         passes: case.passes.clone(),
-        positions: Vec::new(),
         noise: case.noise,
         seed: 3,
-        model: InteriorModel::Exact,
-        raw_exposures: false,
+        ..scan::Options::default()
     };
     scan::scan(&spec, &leaf, &options, &capture)?;
     (case.spoil)(&capture)?;

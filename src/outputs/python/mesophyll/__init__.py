@@ -11,7 +11,7 @@ branch        branches that bend and sway
 sky           a clear sky as spherical harmonics, and the sky of a picture
 scene         scenes: drawn, checked, evaluated as canopies, and found from their pictures
 grass         meadows as slices
-spectra       spectra as the bands of sRGB or CIE 1931
+spectra       spectra as the bands of sRGB, of CIE 1931 or of a sensor
 design        which readings to take, planned from the derivatives that the fits use
 fits          reads the folder of any fit: parameters with errors, maps as arrays
 

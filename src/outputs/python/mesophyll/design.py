@@ -27,7 +27,8 @@ def _planned(verb: list[Place], options: dict[str, Option], progress: bool) -> R
         # A number that is not stated is an empty word.
         numbers = [np.nan if cell == "" else cell for cell in cells]
         entries[name] = np.array(cells, dtype=object) if words else np.array(numbers, dtype=float)
-    entries["status"] = "ok"
+    left_open = "; ".join(record["undetermined"])
+    entries["status"] = f"undetermined: {left_open}" if left_open else "ok"
     return Result(entries, notes=[*notes, *record["notes"]], record=record)
 
 

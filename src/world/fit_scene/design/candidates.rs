@@ -55,11 +55,17 @@ pub fn all(manifest: &SceneManifest, options: &SceneDesignOptions) -> Result<Vec
     cameras.extend(dome(&first, options.cameras));
     let mut suns: Vec<Option<[f64; 2]>> = vec![None];
     let of_day = manifest.day.iter().flat_map(|day| day.hours.iter().map(|hour| day.sun(*hour)));
-    suns.extend(of_day.map(|(zenith, azimuth)| Some([zenith, azimuth].map(f64::to_degrees))));
+    // A sun on the horizon is in a day and takes no picture that a fit could use.
+    let of_day = of_day.map(|(zenith, azimuth)| [zenith, azimuth].map(f64::to_degrees));
+    let mut others: Vec<[f64; 2]> = of_day.filter(|sun| manifest.movable_sun(*sun).is_ok()).collect();
     for sun in &options.suns {
         manifest.movable_sun(*sun).map_err(|what| Error::Usage(format!("--suns: {what}")))?;
-        if !suns.contains(&Some(*sun)) {
-            suns.push(Some(*sun));
+        others.push(*sun);
+    }
+    let own = manifest.sun.as_ref().map(|sun| [sun.zenith_deg, sun.azimuth_deg]);
+    for sun in others.into_iter().filter(|sun| Some(*sun) != own) {
+        if !suns.contains(&Some(sun)) {
+            suns.push(Some(sun));
         }
     }
     let under = |sun_deg: &Option<[f64; 2]>| {

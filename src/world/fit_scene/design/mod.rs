@@ -206,8 +206,8 @@ impl SceneDesign {
         self.wanted().filter(|(_, of)| loose(of)).map(|(name, _)| name.to_string()).collect()
     }
 
-    /// The new pictures of a choice, the most useful first; each with what all up to it leave. `None` where a Jacobian
-    /// is not finite.
+    /// The new pictures of a choice, the most useful first; each with what all up to it leave. `None` as
+    /// [`DesignProblem::choose`].
     pub fn one_by_one(&self, choice: &DesignChoice) -> Option<Vec<(usize, DesignChoice)>> {
         let mut left: Vec<usize> = choice.chosen.iter().copied().filter(|k| *k >= self.there()).collect();
         let (mut with, mut out) = (self.problem.taken.clone(), Vec::new());

@@ -303,6 +303,12 @@ impl SceneManifest {
         PictureDisplay { curve, channels: self.channels }
     }
 
+    /// The same, with another curve where one is asked for.
+    pub fn display_by(&self, tone: Option<ToneCurve>) -> PictureDisplay {
+        let own = self.display();
+        PictureDisplay { curve: tone.unwrap_or(own.curve), ..own }
+    }
+
     /// The factor for radiance in a picture with this curve. That of a film comes from the scene's camera, where there
     /// is one.
     pub fn exposure_of(&self, curve: ToneCurve) -> f64 {

@@ -198,6 +198,9 @@ pub fn invert_single(model: &SlabModel, single: &SingleMeasurement, thickness_mm
     // Where no slab of the range reaches the value, the range's end bounds it.
     let (low, high) = all.iter().fold((RANGE[1].exp(), 0.0_f64), |(l, u), &x| (l.min(x), u.max(x)));
     let opaque = share == SlabShare::Transmitted && value <= OPAQUE * err;
+    // A transmittance within two errors of zero may be that of any thicker slab, also where part of the range comes
+    // from the known coefficient.
+    let high = if share == SlabShare::Transmitted && value <= WIDTH * err { f64::INFINITY } else { high };
     let relative = own / centre;
     let fits = |x: f64| x > 0.6 * WIDTH * relative - 1e-3 && x < 1.6 * WIDTH * relative + 1e-3;
     let (down, up) = ((centre - low) / centre, (high - centre) / centre);

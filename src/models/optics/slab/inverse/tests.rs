@@ -272,3 +272,22 @@ fn far_from_the_edges_determined_errors_are_linear() {
     }
     assert!(asked > 500, "{asked}");
 }
+
+/// Where a transmittance lies within two errors of zero, any thicker slab is left open, also where the other
+/// coefficient is known with an error as large as the measurement's own.
+#[test]
+fn a_known_coefficient_does_not_close_what_darkness_leaves_open() {
+    let model = SlabModel::matched();
+    for share in [0.0, 0.1, 0.5, 1.0] {
+        let single = SingleMeasurement {
+            share: SlabShare::Transmitted,
+            value: 1.8e-3,
+            err: 1e-3,
+            known: SlabCoefficient::Scattering,
+            sigma: 2.0,
+            sigma_err: 2.0 * share,
+        };
+        let e = invert_single(model, &single, 0.2);
+        assert!(e.sigma_a_err.is_infinite() && !e.status.to_string().contains("<="), "{share}: {e:?}");
+    }
+}

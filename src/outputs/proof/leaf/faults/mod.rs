@@ -13,7 +13,6 @@ use mesophyll_files::image::read_exr;
 use mesophyll_fits::leaf::{self, Options};
 use mesophyll_fits::record::maker::FitOutcome;
 use mesophyll_optics::gloss::Lobe;
-use mesophyll_optics::tube::Travel;
 use mesophyll_synth::leaf::SyntheticLeaf;
 use mesophyll_synth::scan;
 use mesophyll_synth::spec::{InteriorModel, LeafSpec};
@@ -260,17 +259,7 @@ fn synthesise(fault: &Fault, path: &Path) -> Result<()> {
     let [width, height] = [40, 30];
     let leaf = SyntheticLeaf::grow(&spec, InteriorModel::Exact, width, height)
         .ok_or_else(|| Error::Missed(format!("{}: no texel on the leaf", fault.name)))?;
-    let options = scan::Options {
-        width,
-        height,
-        frames: fault.frames,
-        passes: vec![Travel::X, Travel::Y],
-        positions: Vec::new(),
-        noise: 0.01,
-        seed: 5,
-        model: InteriorModel::Exact,
-        raw_exposures: false,
-    };
+    let options = scan::Options { width, height, frames: fault.frames, seed: 5, ..scan::Options::default() };
     scan::scan(&spec, &leaf, &options, path)?;
     Ok(())
 }

@@ -12,7 +12,6 @@ use mesophyll_capture::inspection::inspect;
 use mesophyll_files::{atomic, claim, progress};
 use mesophyll_fits::leaf as fit;
 use mesophyll_fits::translucency as through;
-use mesophyll_optics::tube::Travel;
 use mesophyll_synth::leaf::SyntheticLeaf as Grown;
 use mesophyll_synth::{
     scan,
@@ -120,17 +119,16 @@ fn scanned(
     spec.field_mm = told.field_mm.unwrap_or(spec.field_mm);
     spec.interior.sigma_a = told.sigma_a.unwrap_or(spec.interior.sigma_a);
     spec.interior.sigma_s = told.sigma_s.unwrap_or(spec.interior.sigma_s);
-    let (width, height) = told.texels().unwrap_or((720, 540));
+    let usual = scan::Options::default();
+    let (width, height) = told.texels().unwrap_or((usual.width, usual.height));
     let options = scan::Options {
         width,
         height,
-        frames: told.frames.unwrap_or(100),
-        passes: vec![Travel::X, Travel::Y],
-        positions: Vec::new(),
-        noise: told.noise.unwrap_or(0.01),
-        seed: told.seed.unwrap_or(1),
+        frames: told.frames.unwrap_or(usual.frames),
+        noise: told.noise.unwrap_or(usual.noise),
+        seed: told.seed.unwrap_or(usual.seed),
         model: spec.model,
-        raw_exposures: false,
+        ..usual
     };
     ledger.note("scan", leaf.name.clone(), 0, || -> Result<()> {
         let grown = Grown::grow(&spec, options.model, width, height).ok_or_else(|| {
