@@ -67,7 +67,10 @@ const FLOORS: [(&str, &[&[&str]]); 7] = [
     ("src/models/plants", &[&["mechanics"], &["*"]]),
     ("src/models/transport", &[&["rays"], &["*"]]),
     ("src/measurements/capture", &[&["*"], &["photo"]]),
-    ("src/fits", &[&["record"], &["leaf_folder"], &["*", "branch", "grass", "sky", "transfer", "translucency"]]),
+    (
+        "src/fits",
+        &[&["record", "rivals"], &["leaf_folder"], &["*", "branch", "grass", "sky", "transfer", "translucency"]],
+    ),
     (
         "src/world/scene",
         &[
