@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn what_is_no_band_is_refused() {
         let said = |points: &[[f64; 2]]| SensorBand::of_points("x", points.to_vec()).unwrap_err();
-        assert!(said(&[[500.0, 1.0], [490.0, 1.0]]).contains("ascend"));
+        assert!(said(&[[500.0, 1.0], [490.0, 1.0]]).contains("490 nm stands after 500 nm"));
         assert!(said(&[[500.0, -1.0], [510.0, 1.0]]).contains("-1 at 500 nm"));
         assert!(said(&[[500.0, 0.0], [510.0, 0.0]]).contains("0 everywhere"));
         let band = SensorBand::of_box("560", 560.0, 40.0).unwrap();
