@@ -144,14 +144,20 @@ pub fn long(table: &InputTable) -> Result<Option<LongSpectra>> {
 /// The column of wavelengths, and what its unit is in nm.
 ///
 /// # Errors
-/// As [`long`].
+/// As [`long`]; numbers that cannot be in the unit of the column's name.
 pub fn wavelength(table: &InputTable) -> Result<Option<(String, f64)>> {
     let names = names(table);
     let usual = names.iter().find(|(text, _)| *text == "wavelength_nm");
     let Some((column, name)) = usual.or_else(|| names.iter().find(|(_, n)| n.is_wavelength())) else { return Ok(None) };
+    let values = table.head(std::slice::from_ref(*column));
     let unit_nm = match name.unit_nm {
-        Some(unit) => unit,
-        None => unit_of(table, column, &table.head(std::slice::from_ref(*column)))?,
+        Some(unit) if values.is_empty() || values.iter().any(|v| is_wavelength(v * unit)) => unit,
+        Some(unit) => {
+            let (own, other) = if unit == 1.0 { ("nm (100 to 30000)", "um") } else { ("um (0.1 to 30)", "nm") };
+            let expected = format!("wavelengths in {own}, as its name says; is the column in {other}?");
+            return Err(Error::unexpected(table.name(), column, values[0], expected));
+        }
+        None => unit_of(table, column, &values)?,
     };
     Ok(Some((column.to_string(), unit_nm)))
 }

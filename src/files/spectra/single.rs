@@ -143,6 +143,14 @@ mod tests {
     fn what_is_no_spectrum_is_refused() {
         for (text, words) in [
             ("x,R\n500,0.1\n", "wavelength_nm: no such column"),
+            (
+                "wavelength_nm,R\n0.5,0.1\n",
+                "found 0.5, expected wavelengths in nm (100 to 30000), as its name says; is the",
+            ),
+            (
+                "wavelength_um,R\n500,0.1\n",
+                "expected wavelengths in um (0.1 to 30), as its name says; is the column in nm?",
+            ),
             ("wavelength_nm,R\n", "no rows below the header"),
             ("wavelength_nm,R\n500,\n", "line 2: R has no reading"),
             ("wavelength_nm,R\n500,0.1\n600,1.2\n", "line 3: R is 1.2; expected a share"),
