@@ -135,7 +135,7 @@ pub fn found(options: &Options, m: &SlabMeasurement) -> ([f64; 4], Status) {
     let errors = if stated { [e.sigma_a_err, e.sigma_s_err] } else { [f64::NAN; 2] };
     let status = match e.status {
         Status::Undetermined(what) if !stated => {
-            Status::Undetermined(format!("{what} (judged at a noise of {ASSUMED_NOISE:e}; none was stated)"))
+            Status::undetermined([what], &format!("judged at a noise of {ASSUMED_NOISE:e}; none was stated"))
         }
         status => status,
     };

@@ -4,6 +4,7 @@
 
 use crate::skips::{Need, skip};
 use flate2::read::GzDecoder;
+use mesophyll::base::statistics::upper_quantile;
 use mesophyll::base::tone::{PictureChannels, SRGB_OF_BANDS};
 use mesophyll::optics::plates::PlateIndex;
 use mesophyll::sky::colour::xyz_from_rgb;
@@ -140,8 +141,8 @@ fn errors(all: &[Seen], map: [[f64; 3]; 3]) -> [f64; 3] {
         apart.push((0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt());
     }
     let n = all.len() as f64;
-    apart.sort_by(f64::total_cmp);
-    [(squares / (3.0 * n)).sqrt(), apart.iter().sum::<f64>() / n, apart[(0.95 * n) as usize]]
+    let mean = apart.iter().sum::<f64>() / n;
+    [(squares / (3.0 * n)).sqrt(), mean, upper_quantile(&mut apart, 95, 100).unwrap_or(f64::NAN)]
 }
 
 fn rows(name: &str, all: &[Seen]) -> String {

@@ -35,6 +35,7 @@ pub mod picking;
 mod picture;
 pub mod readback;
 mod renderer;
+mod samplers;
 pub mod scene;
 mod shader;
 mod stand;

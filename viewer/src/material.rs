@@ -5,7 +5,8 @@ use crate::dome::MeanTable;
 use crate::gpu::Gpu;
 use crate::lobe::{ShaderAlbedoTable, Tables};
 use crate::maps::{self, Level, Uploaded};
-use crate::scene::{Interior, LeafMaterial, Material, Side, SideMaps, SlabCurve, Translucency};
+use crate::samplers::Samplers;
+use crate::scene::{AlbedoPattern, Interior, LeafMaterial, Material, Side, SideMaps, SlabCurve, Translucency};
 use crate::stats::RenderStatistics;
 use crate::variant::Variant;
 use mesophyll_base::surface::side::mirror;
@@ -37,10 +38,16 @@ struct Constants {
 /// `opaque.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Slot {
+    Pattern,
+    Leaf(LeafSlot),
+}
+
+/// A texture of a leaf.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LeafSlot {
     Mask,
     Albedo,
     Means,
-    Pattern,
     Of(Side, Map),
 }
 
@@ -59,27 +66,28 @@ enum Map {
 impl Slot {
     fn binding(self) -> u32 {
         match self {
-            Slot::Mask => 2,
-            Slot::Albedo => 3,
-            Slot::Means => 4,
+            Slot::Leaf(LeafSlot::Mask) => 2,
+            Slot::Leaf(LeafSlot::Albedo) => 3,
+            Slot::Leaf(LeafSlot::Means) => 4,
             Slot::Pattern => 5,
-            Slot::Of(side, map) => 10 * (1 + side as u32) + map as u32,
+            Slot::Leaf(LeafSlot::Of(side, map)) => 10 * (1 + side as u32) + map as u32,
         }
     }
 
     /// Whether the texture is read texel by texel instead of through the sampler.
     fn is_table(self) -> bool {
-        matches!(self, Slot::Albedo | Slot::Means | Slot::Of(_, Map::Curve))
+        matches!(self, Slot::Leaf(LeafSlot::Albedo | LeafSlot::Means | LeafSlot::Of(_, Map::Curve)))
     }
+}
 
+impl LeafSlot {
     /// The name of its uploads.
     fn name(self) -> String {
         let (side, map) = match self {
-            Slot::Mask => return "mask".into(),
-            Slot::Albedo => return "albedo table".into(),
-            Slot::Means => return "lobe means".into(),
-            Slot::Pattern => return "pattern".into(),
-            Slot::Of(side, map) => (side, map),
+            LeafSlot::Mask => return "mask".into(),
+            LeafSlot::Albedo => return "albedo table".into(),
+            LeafSlot::Means => return "lobe means".into(),
+            LeafSlot::Of(side, map) => (side, map),
         };
         let map = match map {
             Map::Curve => "slab curve",
@@ -96,9 +104,13 @@ impl Slot {
 
 /// The textures that a variant reads.
 fn slots(variant: &Variant) -> Vec<Slot> {
-    let Some(leaf) = variant.leaf() else {
-        return if variant.patterned() { vec![Slot::Pattern] } else { Vec::new() };
-    };
+    let pattern = variant.patterned().then_some(Slot::Pattern);
+    pattern.into_iter().chain(leaf_slots(variant).into_iter().map(Slot::Leaf)).collect()
+}
+
+/// Those of a leaf.
+fn leaf_slots(variant: &Variant) -> Vec<LeafSlot> {
+    let Some(leaf) = variant.leaf() else { return Vec::new() };
     let mut slots = Vec::new();
     for (side, needs) in leaf.sides.iter() {
         let lit = variant.lights.any() && !needs.black;
@@ -111,9 +123,10 @@ fn slots(variant: &Variant) -> Vec<Slot> {
             (needs.normal, Map::Normal),
             (needs.translucency > 0, Map::Translucency),
         ];
-        slots.extend(maps.into_iter().filter(|(on, _)| *on).map(|(_, map)| Slot::Of(side, map)));
+        slots.extend(maps.into_iter().filter(|(on, _)| *on).map(|(_, map)| LeafSlot::Of(side, map)));
     }
-    let shared = [(variant.albedo(), Slot::Albedo), (variant.means(), Slot::Means), (leaf.mask, Slot::Mask)];
+    let shared =
+        [(variant.albedo(), LeafSlot::Albedo), (variant.means(), LeafSlot::Means), (leaf.mask, LeafSlot::Mask)];
     slots.extend(shared.into_iter().filter(|(on, _)| *on).map(|(_, slot)| slot));
     slots
 }
@@ -133,7 +146,7 @@ pub(crate) fn layout(gpu: &Gpu, variant: &Variant) -> wgpu::BindGroupLayout {
     }
     for slot in slots(variant) {
         let layers = match (slot, variant.leaf()) {
-            (Slot::Of(side, Map::Translucency), Some(leaf)) => leaf.sides[side].translucency,
+            (Slot::Leaf(LeafSlot::Of(side, Map::Translucency)), Some(leaf)) => leaf.sides[side].translucency,
             _ => 1,
         };
         let texture = wgpu::BindingType::Texture {
@@ -191,20 +204,20 @@ struct Upload<'a> {
 
 impl Upload<'_> {
     /// A hash of the source data of the texture in a slot.
-    fn content(&self, slot: Slot) -> u64 {
+    fn content(&self, slot: LeafSlot) -> u64 {
         let leaf = self.leaf;
         let mut hash = DefaultHasher::new();
         (leaf.width, leaf.height).hash(&mut hash);
         let mut add = |bytes: &[u8]| hash.write(bytes);
         // The mask counts too, because maps are averaged over the texels on the leaf.
-        if let (Some(mask), false) = (&leaf.mask, slot.is_table()) {
+        if let (Some(mask), false) = (&leaf.mask, Slot::Leaf(slot).is_table()) {
             add(mask);
         }
         match slot {
-            Slot::Mask | Slot::Pattern => {}
-            Slot::Albedo => self.tables.albedo.iter().for_each(|t| add(bytemuck::cast_slice(&t.values))),
-            Slot::Means => self.tables.means.iter().for_each(|t| add(bytemuck::cast_slice(&t.texels))),
-            Slot::Of(side, map) => {
+            LeafSlot::Mask => {}
+            LeafSlot::Albedo => self.tables.albedo.iter().for_each(|t| add(bytemuck::cast_slice(&t.values))),
+            LeafSlot::Means => self.tables.means.iter().for_each(|t| add(bytemuck::cast_slice(&t.texels))),
+            LeafSlot::Of(side, map) => {
                 let side = &leaf.sides[side];
                 match (map, &side.interior) {
                     (Map::Curve, Interior::Scalars(c)) => {
@@ -228,24 +241,22 @@ impl Upload<'_> {
     }
 
     /// Makes the texture of a slot; `None` where the leaf has no data for it.
-    fn texture(&self, slot: Slot) -> Option<Uploaded> {
+    fn texture(&self, slot: LeafSlot) -> Option<Uploaded> {
         let (gpu, leaf, name) = (self.gpu, self.leaf, slot.name());
         let table = |width: usize, height: usize, texels| {
             maps::upload_table(gpu, &name, Level { width: width as u32, height: height as u32, texels })
         };
         let (side, map) = match slot {
-            Slot::Mask => return Some(maps::upload_mask(gpu, &name, leaf.width, leaf.height, leaf.mask.as_ref()?)),
-            Slot::Albedo => {
+            LeafSlot::Mask => return Some(maps::upload_mask(gpu, &name, leaf.width, leaf.height, leaf.mask.as_ref()?)),
+            LeafSlot::Albedo => {
                 let texels = self.tables.albedo.as_ref()?.values.iter().map(|v| [*v, 0.0, 0.0, 0.0]).collect();
                 return Some(table(ShaderAlbedoTable::COLUMNS, ShaderAlbedoTable::ROWS, texels));
             }
-            Slot::Means => {
+            LeafSlot::Means => {
                 let texels = self.tables.means.as_ref()?.texels.clone();
                 return Some(table(MeanTable::COLUMNS, 2 * MeanTable::ROWS, texels));
             }
-            // Leaves have none.
-            Slot::Pattern => return None,
-            Slot::Of(side, map) => (side, map),
+            LeafSlot::Of(side, map) => (side, map),
         };
         let mask = leaf.mask.as_ref().map(|mask| match side {
             Side::Front => mask.clone(),
@@ -273,7 +284,20 @@ impl Upload<'_> {
     }
 }
 
+/// A hash of what a pattern's texture is made of.
+fn pattern_content(pattern: &AlbedoPattern) -> u64 {
+    let mut hash = DefaultHasher::new();
+    (pattern.width, pattern.height).hash(&mut hash);
+    hash.write(bytemuck::cast_slice(pattern.texels.as_slice()));
+    hash.finish()
+}
+
 impl MaterialOnGpu {
+    /// The texture with this content that is there already.
+    fn kept(&self, slot: Slot, content: u64) -> Option<wgpu::TextureView> {
+        self.textures.iter().find(|t| (t.slot, t.content) == (slot, content)).map(|t| t.view.clone())
+    }
+
     /// Uploads those parts of material `index` that `variant` reads. Textures that `before`, the same material before
     /// an edit, already has are kept.
     #[expect(clippy::too_many_arguments, reason = "the material and the caches of its uploads have different owners")]
@@ -292,10 +316,14 @@ impl MaterialOnGpu {
             Material::Opaque(opaque) => {
                 let ([r, g, b], mut tile) = (opaque.albedo, [0.0; 4]);
                 if let Some(pattern) = opaque.pattern.as_ref().filter(|_| variant.patterned()) {
-                    let levels = maps::mip_chain(pattern.width, pattern.height, rgb(&pattern.texels), None);
-                    let new = maps::upload(gpu, "pattern", &levels);
-                    stats.upload(&format!("opaque {index} pattern"), new.bytes);
-                    textures.push(Texture { slot: Slot::Pattern, content: 0, view: new.view });
+                    let (slot, content) = (Slot::Pattern, pattern_content(pattern));
+                    let view = before.and_then(|b| b.kept(slot, content)).unwrap_or_else(|| {
+                        let levels = maps::mip_chain(pattern.width, pattern.height, rgb(&pattern.texels), None);
+                        let new = maps::upload(gpu, "pattern", &levels);
+                        stats.upload(&format!("opaque {index} pattern"), new.bytes);
+                        new.view
+                    });
+                    textures.push(Texture { slot, content, view });
                     let ([x, y], [wide, deep]) = (pattern.corner, pattern.size);
                     tile = [x, y, 1.0 / wide, 1.0 / deep];
                 }
@@ -309,14 +337,13 @@ impl MaterialOnGpu {
                     .as_ref()
                     .map_or([0.0; 4], |t| [t.m_min.ln() as f32, (1.0 / (t.m_max / t.m_min).ln()) as f32, 0.0, 0.0]);
                 let upload = Upload { gpu, leaf, tables: LobeTables { albedo, means } };
-                for slot in slots(variant) {
-                    let content = upload.content(slot);
-                    let kept = before.and_then(|b| b.textures.iter().find(|t| (t.slot, t.content) == (slot, content)));
-                    let view = match kept {
-                        Some(kept) => kept.view.clone(),
+                for of in leaf_slots(variant) {
+                    let (slot, content) = (Slot::Leaf(of), upload.content(of));
+                    let view = match before.and_then(|b| b.kept(slot, content)) {
+                        Some(kept) => kept,
                         None => {
-                            let Some(new) = upload.texture(slot) else { continue };
-                            stats.upload(&format!("leaf {index} {}", slot.name()), new.bytes);
+                            let Some(new) = upload.texture(of) else { continue };
+                            stats.upload(&format!("leaf {index} {}", of.name()), new.bytes);
                             new.view
                         }
                     };
@@ -350,38 +377,6 @@ impl MaterialOnGpu {
 
     /// The leaf's mask, for the shadow pass.
     pub(crate) fn mask(&self) -> Option<&wgpu::TextureView> {
-        self.textures.iter().find(|t| t.slot == Slot::Mask).map(|t| &t.view)
-    }
-}
-
-/// The samplers that all materials share.
-pub(crate) struct Samplers {
-    /// Trilinear where a map is minified, bilinear where it is magnified, and clamped at the rim.
-    pub maps: wgpu::Sampler,
-    /// The same for a pattern that is laid side by side and seen at a flat angle.
-    pub tiles: wgpu::Sampler,
-}
-
-impl Samplers {
-    pub(crate) fn new(gpu: &Gpu) -> Samplers {
-        Samplers {
-            maps: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-                label: Some("maps"),
-                mag_filter: wgpu::FilterMode::Linear,
-                min_filter: wgpu::FilterMode::Linear,
-                mipmap_filter: wgpu::MipmapFilterMode::Linear,
-                ..Default::default()
-            }),
-            tiles: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-                label: Some("tiles"),
-                address_mode_u: wgpu::AddressMode::Repeat,
-                address_mode_v: wgpu::AddressMode::Repeat,
-                mag_filter: wgpu::FilterMode::Linear,
-                min_filter: wgpu::FilterMode::Linear,
-                mipmap_filter: wgpu::MipmapFilterMode::Linear,
-                anisotropy_clamp: 16,
-                ..Default::default()
-            }),
-        }
+        self.textures.iter().find(|t| t.slot == Slot::Leaf(LeafSlot::Mask)).map(|t| &t.view)
     }
 }

@@ -88,6 +88,43 @@ fn only_what_is_wanted_counts() {
     assert!((best.ratio / even.ratio - 1.0).abs() < 1e-3, "{} {}", best.ratio, even.ratio);
 }
 
+/// What is known exactly is no unknown: a slope beside a constant that is known has the error of a line through one
+/// point, is read best as far from it as possible, and the constant gets neither better nor worse.
+#[test]
+fn what_is_known_exactly_is_no_unknown() {
+    let mut line = polynomial(1, 21, 0.1);
+    line.parameters[0].known = 0.0;
+    let at = |k: &usize| *k as f64 / 10.0 - 1.0;
+    let error = |of: &[usize]| (of.iter().map(|k| (at(k) / 0.1).powi(2)).sum::<f64>() + 1e-6).powf(-0.5);
+    let (all, some) = (evenly(21, 21), evenly(21, 5));
+    let found = line.judge(&some).unwrap();
+    assert!(found.errors[0] < 1e-40 && (found.errors[1] / error(&some) - 1.0).abs() < 1e-9, "{:?}", found.errors);
+    // The mean of the constant's share, which is 1, and the slope's.
+    let expected = (0.5 * (1.0 + (error(&some) / error(&all)).powi(2))).sqrt();
+    assert!((found.ratio / expected - 1.0).abs() < 1e-9, "{} {expected}", found.ratio);
+    assert_eq!(line.choose(4).unwrap().chosen, [0, 1, 19, 20]);
+}
+
+/// Two parameters of which readings show little more than the sum: the error of either is right as long as there is an
+/// answer, and where double precision does not hold what sets them apart there is none.
+#[test]
+fn what_double_precision_cannot_tell_apart_has_no_answer() {
+    let at = |k: usize| k as f64 / 10.0 - 1.0;
+    let spread = (0..21).map(|k| at(k).powi(2)).sum::<f64>();
+    for (apart, answered) in [(1e-3, true), (1e-6, true), (1e-8, false), (0.0, false)] {
+        let mut line = polynomial(1, 21, 1e-6);
+        line.parameters.iter_mut().for_each(|p| p.known = 1e9);
+        line.situations[0].rows = (0..21).map(|k| vec![1e6, 1e6 * (1.0 + apart * at(k))]).collect();
+        let found = line.judge(&evenly(21, 21));
+        assert_eq!(found.is_some(), answered, "{apart}");
+        assert_eq!(line.choose(5).is_some(), answered, "{apart}");
+        if let Some(found) = found {
+            let expected = 1e-6 / (apart * spread.sqrt());
+            assert!(found.errors.iter().all(|e| (e / expected - 1.0).abs() < 0.01), "{apart}: {found:?} {expected}");
+        }
+    }
+}
+
 /// The progress of a search never passes what is expected in all, and a search that is stopped has no answer.
 #[test]
 fn a_search_tells_how_far_it_is_and_stops() {

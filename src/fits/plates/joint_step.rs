@@ -29,28 +29,28 @@ pub(super) struct JointStep<'a> {
     pub weight: f64,
 }
 
-/// Derivatives of R and T of all leaves at all wavelengths, 0 where a reading is missing.
+/// R and T of all leaves at all wavelengths, with derivatives. These are 0 where a reading is missing.
 struct JointSlopes<'a> {
     points: &'a [PlatePoint],
     numbers: &'a [[f64; FREE]],
-    /// For each leaf and wavelength: by depth, plates, gloss and index, of R and of T.
-    slopes: Vec<Vec<[[f64; 4]; 2]>>,
+    /// R and T of each leaf at each wavelength.
+    responses: Vec<Vec<[PlateSensitivity; 2]>>,
 }
 
 impl JointSlopes<'_> {
     /// Derivatives of a reading by the numbers of the leaf, and by the constants of the wavelength.
     fn of(&self, leaf: usize, at: usize, k: usize) -> [[f64; FREE]; 2] {
-        let [depth, plates, gloss, index] = self.slopes[leaf][at][k];
+        let of = &self.responses[leaf][at][k];
         let (point, numbers) = (&self.points[at], &self.numbers[leaf]);
         let (mut by_leaf, mut by_point) = ([0.0; FREE], [0.0; FREE]);
         for j in 0..PLATES {
-            by_leaf[j] = point.specific[j] * depth;
-            by_point[j] = numbers[j] * depth;
+            by_leaf[j] = point.specific[j] * of.by_depth;
+            by_point[j] = numbers[j] * of.by_depth;
         }
-        by_leaf[PLATES] = point.growth * plates;
-        by_leaf[GLOSS] = gloss;
-        by_point[5] = index;
-        by_point[6] = numbers[PLATES] * plates;
+        by_leaf[PLATES] = point.growth * of.by_crossings;
+        by_leaf[GLOSS] = of.by_gloss;
+        by_point[5] = of.by_index;
+        by_point[6] = numbers[PLATES] * of.by_crossings;
         [by_leaf, by_point]
     }
 
@@ -100,28 +100,30 @@ impl JointStep<'_> {
         let lights: Vec<PlateLight> = points.iter().map(|p| PlateLight::new(*p)).collect();
         let of = |(leaf, numbers): (usize, &[f64; FREE])| {
             let at = |(light, measured): (&PlateLight, &[f64; 2])| {
-                let (depth, crossings) = light.state(numbers);
-                let response = light.index.response(depth, crossings, numbers[GLOSS]);
-                let of = |x: PlateSensitivity| [x.by_depth, x.by_crossings, x.by_gloss, x.by_index];
-                let known = |k: usize| if measured[k].is_nan() { [0.0; 4] } else { of(response[k]) };
-                [known(0), known(1)]
+                let flat =
+                    |value| PlateSensitivity { value, by_depth: 0.0, by_crossings: 0.0, by_gloss: 0.0, by_index: 0.0 };
+                let mut response = light.sensitivity(numbers);
+                for (of, measured) in response.iter_mut().zip(measured) {
+                    if measured.is_nan() {
+                        *of = flat(of.value);
+                    }
+                }
+                response
             };
             lights.iter().zip(&self.spectral.examples[leaf].spectra).map(at).collect()
         };
         let numbers = self.spectral.numbers;
-        JointSlopes { points, numbers, slopes: numbers.par_iter().enumerate().map(of).collect() }
+        JointSlopes { points, numbers, responses: numbers.par_iter().enumerate().map(of).collect() }
     }
 
     /// The normal equations of each leaf alone, and which of its numbers rest on a bound and are pushed beyond it.
     fn leaves(&self, slopes: &JointSlopes, damping: f64) -> Vec<(Matrix, Vector, [bool; FREE])> {
-        let lights: Vec<PlateLight> = slopes.points.iter().map(|p| PlateLight::new(*p)).collect();
         let of = |leaf: usize| {
             let numbers = &self.spectral.numbers[leaf];
             let (mut matrix, mut right) = (Matrix::zeros(), Vector::zeros());
-            for (at, light) in lights.iter().enumerate() {
-                let values = light.values(numbers);
+            for (at, response) in slopes.responses[leaf].iter().enumerate() {
                 for k in 0..2 {
-                    let residual = self.spectral.examples[leaf].spectra[at][k] - values[k];
+                    let residual = self.spectral.examples[leaf].spectra[at][k] - response[k].value;
                     if !residual.is_nan() {
                         let by = Vector::from(slopes.of(leaf, at, k)[0]);
                         right += by * residual;
@@ -155,7 +157,8 @@ impl JointStep<'_> {
     /// The step of the leaves and that of the constants.
     fn solve(&self, slopes: &JointSlopes, damping: f64) -> Option<(Vec<Vector>, Vec<f64>)> {
         let leaves = self.leaves(slopes, damping);
-        let SpectralSystem { factor, right, fixed } = self.spectral.system(slopes.points, damping)?;
+        let SpectralSystem { factor, right, fixed } =
+            self.spectral.system_of(slopes.points, damping, &|leaf, at| slopes.responses[leaf][at])?;
         let own: Vec<Cholesky<f64, Const<FREE>>> =
             leaves.iter().map(|(matrix, ..)| matrix.cholesky()).collect::<Option<_>>()?;
         let free = |y: Vec<f64>| y.into_iter().zip(&fixed).map(|(y, f)| if *f { 0.0 } else { y }).collect::<Vec<_>>();

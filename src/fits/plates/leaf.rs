@@ -2,7 +2,7 @@
 
 use super::{FREE, GLOSS, GLOSS_BELOW, LEAN, PLATES, PlatePoint, SIDED};
 use mesophyll_base::solvers::{ClosureProblem, Fit, Options as Solver, Problem, ResidualNoise, lm};
-use mesophyll_optics::plates::PlateIndex;
+use mesophyll_optics::plates::{PlateIndex, PlateSensitivity};
 use std::cell::RefCell;
 
 /// A wavelength with its constants.
@@ -35,6 +35,12 @@ impl PlateLight {
         self.index.values(depth, crossings, leaf[GLOSS])
     }
 
+    /// R and T of a leaf, with derivatives by what the model takes.
+    pub fn sensitivity(&self, leaf: &[f64; FREE]) -> [PlateSensitivity; 2] {
+        let (depth, crossings) = self.state(leaf);
+        self.index.response(depth, crossings, leaf[GLOSS])
+    }
+
     /// R and T of both sides of a leaf with derivatives.
     pub fn both(&self, leaf: &[f64; SIDED]) -> [[(f64, [f64; SIDED]); 2]; 2] {
         let depth: f64 = self.point.specific.iter().zip(leaf).map(|(k, c)| k * c).sum();
@@ -54,8 +60,7 @@ impl PlateLight {
 
     /// R and T of a leaf with derivatives.
     pub fn response(&self, leaf: &[f64; FREE]) -> PlateResponse {
-        let (depth, crossings) = self.state(leaf);
-        self.index.response(depth, crossings, leaf[GLOSS]).map(|x| {
+        self.sensitivity(leaf).map(|x| {
             let mut by = [0.0; FREE];
             for (by, k) in by.iter_mut().zip(self.point.specific) {
                 *by = k * x.by_depth;

@@ -5,6 +5,7 @@ use super::banded::{BandedFactor, BandedMatrix};
 use super::leaf::PlateLight;
 use super::training::PlateExample;
 use super::{FREE, PlatePoint, REACH};
+use mesophyll_optics::plates::PlateSensitivity;
 use nalgebra::SMatrix;
 use rayon::prelude::*;
 
@@ -116,14 +117,15 @@ impl SpectralStep<'_> {
         readings.iter().sum::<f64>() + rough
     }
 
-    /// Normal equations of one wavelength: the matrix and the right side.
-    fn normal(&self, at: usize, point: PlatePoint) -> ([[f64; FREE]; FREE], [f64; FREE]) {
-        let light = PlateLight::new(point);
+    /// Normal equations of one wavelength, where `respond` says what a leaf shows there: the matrix and the right side.
+    fn normal(
+        &self,
+        at: usize,
+        respond: impl Fn(usize) -> [PlateSensitivity; 2],
+    ) -> ([[f64; FREE]; FREE], [f64; FREE]) {
         let (mut matrix, mut right) = ([[0.0; FREE]; FREE], [0.0; FREE]);
-        for (example, leaf) in self.examples.iter().zip(self.numbers) {
-            let (depth, crossings) = light.state(leaf);
-            let response = light.index.response(depth, crossings, leaf[super::GLOSS]);
-            for (x, measured) in response.iter().zip(example.spectra[at]) {
+        for (k, (example, leaf)) in self.examples.iter().zip(self.numbers).enumerate() {
+            for (x, measured) in respond(k).iter().zip(example.spectra[at]) {
                 let residual = measured - x.value;
                 if residual.is_nan() {
                     continue;
@@ -159,7 +161,7 @@ impl SpectralStep<'_> {
                     count += 1;
                 }
             }
-            let (lower, _) = self.normal(at, *point);
+            let (lower, _) = self.normal(at, |k| light.sensitivity(&self.numbers[k]));
             let full = SMatrix::<f64, FREE, FREE>::from_fn(|i, j| {
                 let pulled = if i == j { pull[j] + 1e-14 } else { 0.0 };
                 lower[i.max(j)][i.min(j)] + pulled
@@ -175,10 +177,22 @@ impl SpectralStep<'_> {
     }
 
     /// The linear system of a step from `points`; `None` where it has no solution.
-    pub fn system(&self, points: &[PlatePoint], damping: f64) -> Option<SpectralSystem> {
+    fn system(&self, points: &[PlatePoint], damping: f64) -> Option<SpectralSystem> {
+        let lights: Vec<PlateLight> = points.iter().map(|p| PlateLight::new(*p)).collect();
+        self.system_of(points, damping, &|leaf, at| lights[at].sensitivity(&self.numbers[leaf]))
+    }
+
+    /// The same, where `respond` says what a leaf shows at a wavelength.
+    pub fn system_of(
+        &self,
+        points: &[PlatePoint],
+        damping: f64,
+        respond: &(dyn Fn(usize, usize) -> [PlateSensitivity; 2] + Sync),
+    ) -> Option<SpectralSystem> {
         let count = points.len();
         let (pull, smooth) = self.weights();
-        let mut normals: Vec<_> = (0..count).into_par_iter().map(|at| self.normal(at, points[at])).collect();
+        let normal = |at: usize| self.normal(at, |leaf| respond(leaf, at));
+        let mut normals: Vec<_> = (0..count).into_par_iter().map(normal).collect();
         let now: Vec<[f64; FREE]> = points.iter().map(PlatePoint::all).collect();
         for (at, (matrix, right)) in normals.iter_mut().enumerate() {
             for j in 0..FREE {

@@ -76,13 +76,12 @@ fn compare_where(reference: &ReferencePicture, picture: &[[u8; 4]], judged: &[bo
     }
     errors.sort_unstable();
     let leaf = (0..width * height).filter(|&k| shows_leaf(k)).count();
-    let mut sorted = flip.clone();
-    sorted.sort_unstable_by(f32::total_cmp);
+    let [flip_mean, flip_p99] = flip_figures(&flip);
     Ok(PictureComparison {
         width,
         height,
-        flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / flip.len() as f64,
-        flip_p99: percentile(&sorted, 0.99).map_or(0.0, f64::from),
+        flip_mean,
+        flip_p99,
         max_error: largest.map(|e| f64::from(e) / 255.0),
         max_at,
         error_p99: percentile(&errors, 0.99).map(|e| f64::from(e) / 255.0),
@@ -98,6 +97,14 @@ pub fn flip_map(a: &[[u8; 4]], b: &[[u8; 4]], width: usize, height: usize) -> Ve
         FlipImageRgb8::with_data(width as u32, height as u32, &bytes)
     };
     nv_flip::flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE).to_vec()
+}
+
+/// The mean of a FLIP map, and the FLIP that 99 % of its pixels do not exceed.
+pub fn flip_figures(map: &[f32]) -> [f64; 2] {
+    let mut sorted = map.to_vec();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let mean = map.iter().map(|&x| f64::from(x)).sum::<f64>() / map.len().max(1) as f64;
+    [mean, percentile(&sorted, 0.99).map_or(0.0, f64::from)]
 }
 
 impl PictureComparison {

@@ -98,13 +98,9 @@ pub fn compare(path: &Path, picture: &Picture, exposure: f64) -> Result<GoldenCo
         return Err(Error::input(path, what));
     }
     let pixels = &settled(picture, &golden, exposure)[..];
-    let flip = comparison::flip_map(&golden, pixels, w, h);
-    let count = (w * h) as f64;
+    let [flip_mean, _] = comparison::flip_figures(&comparison::flip_map(&golden, pixels, w, h));
     let changed = golden.iter().zip(pixels).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > STEPS)).count();
-    let figures = GoldenFigures {
-        flip_mean: flip.iter().map(|&x| f64::from(x)).sum::<f64>() / count,
-        changed: changed as f64 / count,
-    };
+    let figures = GoldenFigures { flip_mean, changed: changed as f64 / (w * h) as f64 };
     Ok(GoldenComparison { figures, difference: comparison::difference_picture(&golden, pixels, 8.0) })
 }
 

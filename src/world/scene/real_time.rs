@@ -5,7 +5,6 @@ use crate::loaded::LoadedScene;
 use crate::path_tracing::{Options, RECORD, views};
 use crate::placed::ledger::Ledger;
 use crate::{Error, Result};
-use mesophyll_base::statistics::percentile;
 use mesophyll_files::image::{self, ChannelMaps, Packing};
 use mesophyll_files::{atomic, memory, progress};
 use mesophyll_transport::comparison;
@@ -88,8 +87,5 @@ fn flip(path: &Path, picture: &viewer::Picture) -> Result<[f64; 2]> {
         let (found, expected) = (format!("{width}x{height} pixels"), format!("{}x{}, as drawn here", own[0], own[1]));
         return Err(Error::unexpected(path, "size", found, expected));
     }
-    let mut flip = comparison::flip_map(&other, &picture.ldr, width, height);
-    flip.sort_unstable_by(f32::total_cmp);
-    let mean = flip.iter().map(|f| f64::from(*f)).sum::<f64>() / flip.len().max(1) as f64;
-    Ok([mean, percentile(&flip, 0.99).map_or(0.0, f64::from)])
+    Ok(comparison::flip_figures(&comparison::flip_map(&other, &picture.ldr, width, height)))
 }

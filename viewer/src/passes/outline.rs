@@ -1,7 +1,8 @@
 //! What passes share that draw outlines only: the vertex, and the mask that cuts a leaf out of its mesh.
 
 use crate::gpu::Gpu;
-use crate::material::{MaterialOnGpu, Samplers};
+use crate::material::MaterialOnGpu;
+use crate::samplers::Samplers;
 
 /// WGSL of a vertex and its mask. It stands between the source of the bend and the source of the pass.
 pub(crate) const OUTLINE: &str = include_str!("outline.wgsl");

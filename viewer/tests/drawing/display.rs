@@ -85,6 +85,19 @@ fn a_pattern_lies_where_it_is_stated() {
         }
     }
     assert!(hit.iter().all(|n| *n > 0), "{hit:?}");
+    // An edit keeps the texture where its texels stay, and uploads it where one of them changes.
+    let mut edited = |scene: &Scene| {
+        let before = renderer.stats().uploads.len();
+        renderer.set_material(scene, 0).expect("material");
+        renderer.stats().uploads[before..].iter().map(|u| u.name.clone()).collect::<Vec<_>>()
+    };
+    for (texel, want) in [(quarters[0], None), ([0.2, 0.3, 0.4], Some("opaque 0 pattern"))] {
+        let Material::Opaque(soil) = &mut scene.materials[0] else { panic!("no leaf") };
+        let pattern = soil.pattern.as_mut().expect("pattern");
+        pattern.size[0] *= 1.5;
+        Arc::make_mut(&mut pattern.texels)[0] = texel;
+        assert_eq!(edited(&scene), want.into_iter().collect::<Vec<&str>>());
+    }
     // A pattern that cannot be is refused.
     for wrong in [[0.0, 4.0], [f32::NAN, 4.0]] {
         let Material::Opaque(soil) = &mut scene.materials[0] else { panic!("no leaf") };

@@ -3,7 +3,7 @@
 use crate::bench::BenchRow;
 use crate::peers::PeerInputs;
 use crate::{Error, Result};
-use mesophyll_fit_scene::synthetic::{BOTH, START, TRUTH, crowd, opened, photograph, scene};
+use mesophyll_fit_scene::synthetic::{BOTH, START, SyntheticExposure, TRUTH, crowd, opened, photograph, scene};
 use mesophyll_fit_scene::{Options, run};
 use mesophyll_fits::record::maker::FitOutcome;
 use mesophyll_scene::draw::reference;
@@ -22,8 +22,6 @@ const NAMES: [(&str, &str); 4] = [
 const PATHS: [u32; 3] = [64, 256, 1024];
 /// Where a peer may stop.
 const TARGET: f64 = 0.01;
-/// Relative noise of the pictures.
-const NOISE: f64 = 0.01;
 
 /// A scene with pictures in a folder, whose numbers start wrong by a factor of two.
 struct Problem {
@@ -96,6 +94,8 @@ pub fn peers() -> Result<PeerInputs> {
     let views = opened.manifest.perspectives().next();
     let camera = views.map(|view| view.camera).ok_or_else(|| Error::Missed("the scene has no camera".into()))?;
     let sun = world.sun.as_ref().ok_or_else(|| Error::Missed("the scene has no sun".into()))?;
+    // By which `photograph` took our picture.
+    let exposure = SyntheticExposure::default();
     let said = serde_json::json!({
         "truth": numbers(TRUTH),
         "start": numbers(START),
@@ -106,12 +106,13 @@ pub fn peers() -> Result<PeerInputs> {
         "look_at": camera.target.to_array(),
         "fov_deg": camera.fov_y_deg,
         "size": [opened.manifest.check.width, opened.manifest.check.height],
-        "noise": NOISE,
-        "seed": 77,
+        "noise": exposure.noise,
+        "seed": exposure.seed,
         "target": TARGET,
     });
     let row =
         problem.row("peer", "mesophyll".into(), 1024, "200 leaves, one picture of 96 x 72 pixels, noise of 1 %")?;
+    // The peer starts right after this fit, whose time is our turn: another fit would only take as long again.
     let us = row.us;
     Ok(PeerInputs {
         files: vec![
