@@ -335,9 +335,9 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(QualityLevel, String)) {
         let rule = if report.kind == FitKind::Panorama {
             ""
         } else {
-            " (a value is determined when its standard error is at most 10 % of it)"
+            "; a value is determined when its standard error is at most 10 % of it"
         };
-        say(QualityLevel::Doubtful, format!("not determined by the data{rule}: {}", undetermined.join("; ")));
+        say(QualityLevel::Doubtful, format!("not determined by the data: {}{rule}", undetermined.join("; ")));
     }
     let loose: Vec<String> = report
         .parameters
