@@ -81,7 +81,8 @@ gallery: build
 book:
 	@command -v mdbook >/dev/null || { echo "No book: mdbook is missing; cargo install mdbook brings it" >&2; exit 1; }
 	@rm -rf out/book && mkdir -p out/book
-	@cp -r --parents README.md docs $$(find data -name '*.md' -o -name leaves.toml) out/book
+	@cp -r --parents README.md CONTRIBUTING.md CITATION.cff LICENSE-APACHE LICENSE-MIT deny.toml docs \
+	    $$(find data -name '*.md' -o -name leaves.toml -o -name habel-tree.toml) out/book
 	@mv out/book/docs/book.toml out/book
 	@sed 's|](|](docs/|; s|](docs/\.\./|](|' docs/SUMMARY.md >out/book/SUMMARY.md
 	@mdbook build -d "$(CURDIR)/out/book/html" out/book

@@ -38,7 +38,7 @@ impl SceneManifest {
         let far = 0.5 * height.max(width) / 15f64.to_radians().sin();
         let (side, up) = (-0.6 * far, 0.8 * far);
         // Both eyes are above the ground. It reaches as far as the views see it; beyond, the ground of the sky goes on.
-        let numbers = [("SIDE", side), ("UP", up), ("LOW", 2.0 * up), ("WIDE", 12.0 * far), ("GRAIN", 0.12 * far)];
+        let numbers = [("SIDE", side), ("UP", up), ("LOW", 2.0 * up), ("WIDE", 12.0 * far), ("GRAIN", 0.04 * far)];
         let text =
             numbers.iter().fold(AROUND.to_string(), |text, (word, value)| text.replace(word, &format!("{value:.3}")));
         // The name comes last, because it may hold any word.
@@ -71,11 +71,11 @@ fit = "."
 leaf = NAME
 
 [ground]
-albedo = [0.07, 0.09, 0.04]
+albedo = [0.06, 0.055, 0.04]
 height_mm = -LOW
 reach_mm = WIDE
 grain_mm = GRAIN
-contrast = 0.5
+contrast = 0.4
 
 [sun]
 zenith_deg = 48
@@ -84,10 +84,10 @@ azimuth_deg = 150
 [sky]
 model = "preetham"
 turbidity = 3
-ground_albedo = [0.07, 0.09, 0.04]
+ground_albedo = [0.06, 0.055, 0.04]
 
 [camera]
-f_number = 6.7
+f_number = 9.5
 shutter_s = 0.008
 
 [[view]]
