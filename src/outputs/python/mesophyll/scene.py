@@ -287,7 +287,8 @@ def _over_wavelengths(found: Result) -> Result:
 def fluxes(
     scene: Place,
     *,
-    channel: Channel = "G",
+    channel: Channel | None = None,
+    bands: Sequence[float] | Literal["all"] | Place | None = None,
     samples: int = 131_072,
     seed: int = 1,
     run: Place | None = None,
@@ -297,7 +298,7 @@ def fluxes(
 
     Parameters
     ----------
-    scene, channel, seed, run, progress
+    scene, channel, bands, seed, run, progress
         As in :func:`canopy`.
     samples : int
         Paths in all, 32 to 2^30.
@@ -306,11 +307,15 @@ def fluxes(
     -------
     Result
         ``reflected``, ``absorbed`` (by everything but the ground) and ``transmitted`` (to the ground), shares of the
-        sun's light, each with ``_err``.
+        sun's light, each with ``_err``. With ``bands`` also ``wavelength_nm`` (nm), and an element a wavelength.
     """
-    options: dict[str, Option] = {"channel": channel, "samples": samples, "seed": seed, "run": run, "fluxes": True}
-    _, row, notes = _command.printed(["eval", "canopy", scene], options, progress)
-    return Result({**row, "status": "ok"}, notes=notes, record=row)
+    options: dict[str, Option] = {"channel": channel, "bands": bands, "samples": samples, "seed": seed, "run": run}
+    _, found, notes = _command.printed(["eval", "canopy", scene], options | {"fluxes": True}, progress)
+    if bands is None:
+        return Result({**found, "status": "ok"}, notes=notes, record=found)
+    columns = {name: np.array([row[name] for row in found], dtype=float) for name in found[0]}
+    status = np.array(["ok"] * len(found), dtype=object)
+    return Result({**columns, "status": status}, given=["wavelength_nm"], notes=notes, record=found)
 
 
 def sway(scene: Place, to: float, *, from_: float = 0.0, step: float = 0.05) -> Result:
