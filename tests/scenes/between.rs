@@ -284,6 +284,21 @@ fn a_transfer_that_is_there_is_not_refused() {
     assert!(LoadedScene::open(manifest, search, &Ledger::new()).is_ok());
 }
 
+/// A transfer that leaves out a leaf is taken over, at once and from its folder, where the scene has a ground too.
+#[test]
+fn a_transfer_without_leaves_that_no_view_shows_is_taken_over() {
+    let dir = tempfile::tempdir().unwrap();
+    let rest = "[[instance]]\nleaf = \"elm\"\nposition_mm = [50000, 0, 0]\n[ground]\nalbedo = [0.2, 0.2, 0.2]\n\
+                reach_mm = 300\nheight_mm = -60\n[transfer]\npaths = 16\n[sky]\nradiance = [1, 1, 1]\n";
+    let manifest = SceneManifest::read(&crowd(dir.path(), [0.2, 0.2], 3, rest)).unwrap();
+    for _ in 0..2 {
+        let mut scene = LoadedScene::open(manifest.clone(), LeafSearch::default(), &Ledger::new()).unwrap();
+        assert!(scene.plan.left_out.iter().any(|l| l.reason.contains("no view shows 1 of 4 leaves")));
+        scene.find_transfer(&dir.path().join("out"), &Ledger::new()).unwrap();
+        assert!(scene.transfer.is_some());
+    }
+}
+
 /// The six clusters are read and planned as docs/evidence/light.md describes them: 14 leaves with 270 anchors,
 /// operators, and a map of the sun.
 #[test]

@@ -67,6 +67,22 @@ fn real_time_pictures_are_shown_as_traced_ones() {
     }
 }
 
+/// Light between leaves falls on the ground's grain. The path tracer follows all scatterings here; without the grain
+/// the picture is farther from its own.
+#[test]
+fn light_between_leaves_falls_on_the_grain() {
+    let dir = tempfile::tempdir().unwrap();
+    let between = "[transfer]\npaths = 128";
+    let whole = scene(dir.path(), "grained", "", &format!("{GRAIN}\n{CAMERA}\n{between}"));
+    let traced = dir.path().join("traced");
+    succeeded(&run(["render", whole.to_str().unwrap(), "-o", traced.to_str().unwrap(), "--samples", "128"]));
+    let Some([mean, p99]) = flip(&whole, &dir.path().join("grained-drawn"), &traced) else { return };
+    let even = scene(dir.path(), "even", "", &format!("{CAMERA}\n{between}"));
+    let [other, _] = flip(&even, &dir.path().join("even-drawn"), &traced).unwrap();
+    println!("grained: {mean} {p99}, even: {other}");
+    assert!(mean < 0.07 && other > 1.2 * mean, "{mean} {p99}, even: {other}");
+}
+
 #[test]
 fn what_does_not_go_together_is_refused() {
     let dir = tempfile::tempdir().unwrap();

@@ -84,6 +84,7 @@ fn shown(scene: &LoadedScene, world: &ReferenceWorld, ledger: &Ledger) -> Result
         let seen = ledger.note("look", name, 0, || mesophyll_transport::shown(world, &cameras, size))?;
         shown.iter_mut().zip(may_hide).zip(seen).for_each(|((shown, may), seen)| *shown &= seen || !may);
     }
+    shown.resize(world.instances.len(), true);
     // If all are shown, the list stays empty. Then the same transfer serves other views.
     Ok(if shown.iter().all(|s| *s) { Vec::new() } else { shown })
 }
@@ -163,6 +164,8 @@ impl LoadedScene {
         let name = format!("{} transfer", self.manifest.name);
         ledger.note("fit", name, 0, || fit::run(&of, &[&self.manifest.path], &own, &options))?;
         self.transfer = TransferFit::open(&own, &of, &options)?;
-        Ok(())
+        // Without it every leaf would be drawn as if it stood alone.
+        let changed = || Error::Missed(format!("{}: is not of this scene, for which it was just made", own.display()));
+        self.transfer.is_some().then_some(()).ok_or_else(changed)
     }
 }

@@ -60,10 +60,6 @@ pub fn placements(p: &ManifestText) -> Result<()> {
             // The ground has at most 256 × 256 of the squares that repeat.
             p.range(HEADER, 0, "grain_mm", grain, [across / (256.0 * GRAINS_A_TILE), 1e6], "mm")?;
             p.range(HEADER, 0, "contrast", ground.contrast(), [0.0, 1.0], "")?;
-            if m.transfer.is_some() {
-                let why = "given beside a [transfer], for which the ground is even";
-                return Err(p.error(HEADER, 0, "grain_mm", why));
-            }
         } else if ground.contrast.is_some() {
             return Err(p.error(
                 HEADER,
