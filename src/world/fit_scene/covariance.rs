@@ -1,11 +1,9 @@
 //! The errors of the numbers, and which of them the pictures do not determine.
 
+use crate::quantity::UNKNOWN;
 use crate::unknowns::SceneUnknowns;
 use mesophyll_base::solvers::decomposition::symmetric_eigen;
 use nalgebra::DMatrix;
-
-/// Standard errors beyond which a reflectance, or the logarithm of a factor, counts as not determined.
-pub const UNKNOWN: f64 = 0.25;
 
 /// The unit in which each number is uncertain at the start.
 pub fn unit(numbers: &SceneUnknowns) -> Vec<f64> {

@@ -1,7 +1,8 @@
 //! What the record says of a fit: numbers with errors, and how well they explain the pictures.
 
-use crate::covariance::{UNKNOWN, names, unit};
+use crate::covariance::names;
 use crate::photographs::{PixelUse, ScenePhotograph};
+use crate::quantity::UNKNOWN;
 use crate::steps::{ReadingComparison, SceneFit, WILD};
 use crate::unknowns::SceneUnknowns;
 use mesophyll_base::solvers::adequacy::chi2_score;
@@ -49,6 +50,13 @@ impl Judged {
         out
     }
 
+    /// The same where a share of all variances is of a kind that readings have in common: the sum of n residuals has the
+    /// variance n + n (n − 1) times the share.
+    fn shared(self, share: f64) -> Judged {
+        let each = self.readings as f64 / self.blocks.max(1) as f64;
+        Judged { blocks_chi2: self.blocks_chi2 / (1.0 + (each - 1.0).max(0.0) * share), ..self }
+    }
+
     /// By what standard errors are to be widened, where that is above 1, and whether the model is to be doubted. Only
     /// the share `alone` of the readings counts as independent.
     fn excess(&self, numbers: usize, least: f64, alone: f64) -> (f64, bool) {
@@ -70,19 +78,25 @@ pub fn section(
     record: &mut FitRecord,
 ) -> RecordSection {
     let names = names(numbers);
-    let (values, units) = (numbers.values(), unit(numbers));
-    let fitted = Judged::of(shots, found.compared.iter().filter(|c| c.of == PixelUse::Fitted));
+    let values = numbers.values();
+    let quantities = numbers.list.iter().flat_map(|q| q.at.iter().map(move |_| q));
+    let fitted = Judged::of(shots, found.compared.iter().filter(|c| c.of == PixelUse::Fitted)).shared(found.scatter);
     let determined = found.undetermined.iter().filter(|why| why.is_none()).count();
     // A whole picture is not predicted where anything is undetermined that it might show.
     let predicted =
         |c: &&ReadingComparison| determined == names.len() || shots[c.at[0]].uses.contains(&PixelUse::Fitted);
-    let held = Judged::of(shots, found.compared.iter().filter(|c| c.of == PixelUse::Held).filter(predicted));
+    let held = Judged::of(shots, found.compared.iter().filter(|c| c.of == PixelUse::Held).filter(predicted))
+        .shared(found.scatter);
     // All channels of a place share their paths. Where the share f of each residual's variance is of that kind, the
-    // variance of χ² is 1 + (n − 1) f² times that of n independent channels.
+    // variance of χ² is 1 + (n − 1) f² times that of n independent channels. Which discs stand is the same for all
+    // readings.
     let share = found.own_noise.powi(2) / (1.0 + found.own_noise.powi(2));
-    let alone = 1.0 / (1.0 + (numbers.channels.len() - 1) as f64 * share * share);
-    let (excess, doubted) = fitted.excess(determined, EXCESS, alone);
-    let (unseen, missed) = held.excess(0, EXCESS_UNSEEN, alone);
+    let alone = |of: &Judged| {
+        let common = of.readings.saturating_sub(1) as f64 * found.scatter.powi(2);
+        1.0 / (1.0 + (numbers.channels.len() - 1) as f64 * share * share + common)
+    };
+    let (excess, doubted) = fitted.excess(determined, EXCESS, alone(&fitted));
+    let (unseen, missed) = held.excess(0, EXCESS_UNSEEN, alone(&held));
     // Where no number is determined, nothing is claimed that could be wrong.
     let (doubted, missed) = (doubted && determined > 0, missed && determined > 0);
     let wide = if doubted { excess.sqrt() } else { 1.0 };
@@ -101,11 +115,13 @@ pub fn section(
         });
     }
     let mut section = RecordSection::default();
-    for (k, name) in names.iter().enumerate() {
-        let loose = wide * found.covariance[(k, k)].sqrt() > UNKNOWN * units[k];
-        let loose = loose.then(|| "what the scene does not explain could be due to it".to_string());
-        let why = found.undetermined[k].clone().or(loose).map(|why| format!("{name}: {why}"));
-        let error = if why.is_some() { f64::INFINITY } else { found.covariance[(k, k)].sqrt() * wide };
+    for (k, (name, quantity)) in names.iter().zip(quantities).enumerate() {
+        let error = found.covariance[(k, k)].sqrt() * wide;
+        let why = found.undetermined[k].clone().or_else(|| quantity.open(values[k], error));
+        let why = why.map(|why| format!("{name}: {why}"));
+        // What is only known as small has an error.
+        let bounded = error <= UNKNOWN * quantity.unit(values[k]);
+        let error = if bounded { error } else { f64::INFINITY };
         section.params.insert(
             name.clone(),
             FitParameter {
@@ -151,6 +167,7 @@ pub fn section(
     ] {
         section.figures.insert(name.into(), value);
     }
+    section.figures.extend(found.areas.iter().cloned());
     section.counts.insert("wild_pixels".into(), found.wild);
     section.counts.insert("saturated_pixels".into(), shots.iter().map(|s| s.saturated).sum());
     section

@@ -10,6 +10,9 @@
 // A comparison with NaN is false, so `!(a < b)` is written where NaN must fail.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
+mod area;
+#[cfg(test)]
+mod area_tests;
 mod bands;
 #[cfg(test)]
 mod bands_tests;
@@ -19,10 +22,11 @@ mod judge;
 mod mapped;
 mod photographs;
 mod pictures;
-mod processor;
+pub mod processor;
 mod quantity;
 mod reflectances;
 mod residuals;
+mod scatter;
 mod scene_file;
 mod step;
 mod steps;
@@ -82,12 +86,13 @@ pub fn run(scene: &LoadedScene, out: &Path, options: &Options, ledger: &Ledger) 
     let mut groups: Vec<String> = shots.iter().filter_map(|s| s.exposure.clone()).collect();
     groups.sort();
     groups.dedup();
-    let numbers = SceneUnknowns::new(scene, world, &groups, wavelengths.as_deref(), ledger)?;
+    let mut numbers = SceneUnknowns::new(scene, world, &groups, wavelengths.as_deref(), ledger)?;
+    numbers.seed = options.seed;
     // Two pictures of all derivatives, the same as a list, and the readings.
     let [pixels, readings] = [0, 1].map(|k| shots.iter().map(|s| [s.uses.len(), s.seen.len()][k]).sum::<usize>());
     let bytes = readings as u64 * (40 * numbers.list.len() as u64 + 134);
     memory::require(
-        bytes,
+        bytes + numbers.disc_bytes(),
         &format!("{pixels} pixels with {} unknowns (smaller pictures need less)", numbers.list.len()),
     )?;
     let hash = input_hash(manifest, options)?;
@@ -143,6 +148,11 @@ fn fit(
     files.extend(bands::save(&numbers, &section, &out)?);
     record.sections.insert("all".into(), section);
     files.extend(found_leaves(&numbers, &out)?);
+    for (name, list) in numbers.found_discs() {
+        let file = scene_file::disc_file(&name);
+        atomic::write_bytes(&out.join(&file), list.as_bytes())?;
+        files.push(file);
+    }
     atomic::write_bytes(&out.join(SCENE), scene_file::found(manifest, &numbers, &out)?.as_bytes())?;
     files.push(SCENE.into());
     let text = residuals::steps(&found, &numbers.values(), &covariance::unit(&numbers));

@@ -1,12 +1,14 @@
 //! What the scene shows with the present numbers: pictures and reflectance factors, their derivatives, and their noise.
 
 use crate::Result;
+use crate::area;
 use crate::photographs::{PixelUse, ReadingKind, ScenePhotograph};
 use crate::quantity::UnknownKind;
 use crate::unknowns::SceneUnknowns;
 use mesophyll_transport::path::slopes::{DerivativePicture, DerivativeTracer, RadianceParameter};
 use mesophyll_transport::path::{Canopy, MOST_PATHS, PathSettings, PathTracer, SurfaceBands};
 use mesophyll_transport::world::ReferenceWorld;
+use std::ops::Range;
 
 /// Rounds of each of the two pictures with derivatives, from whose scatter the noise of a pixel is estimated; the
 /// picture that residuals are of has twice as many.
@@ -19,54 +21,131 @@ const LEAST: f64 = 1e-3;
 /// Paths of a direction of a canopy, for each path of a pixel.
 const A_DIRECTION: u32 = 256;
 
+/// Draws of the discs of differences come after those of what is shown.
+const SIDES: u64 = 1000;
+
+/// The world with the present numbers under one of the suns that the pictures were taken under.
+pub struct LitWorld {
+    sun_deg: Option<[f64; 2]>,
+    world: ReferenceWorld,
+    /// Worlds with fewer and with more discs.
+    areas: Vec<AreaDifference<ReferenceWorld>>,
+}
+
+/// The two sides of a difference that is the derivative by an area.
+struct AreaDifference<T> {
+    /// Index of the unknown.
+    unknown: usize,
+    /// One over the difference of the areas.
+    over: f64,
+    /// For each of the two pictures with derivatives a draw of its own, with fewer discs and with more.
+    sides: [[T; 2]; 2],
+}
+
 /// The scene under one of the suns that its pictures were taken under.
 pub struct LitScene<'a> {
     sun_deg: Option<[f64; 2]>,
     tracer: PathTracer<'a>,
+    areas: Vec<AreaDifference<PathTracer<'a>>>,
+    /// Where rays from above begin at least (mm).
+    top: f64,
     /// What everything scatters in each band, where bands are drawn and not three channels.
     surfaces: Option<Vec<SurfaceBands>>,
     /// What it is differentiated by, each with the index of its unknown; the same list under every sun.
     pub slopes: Vec<(usize, RadianceParameter)>,
 }
 
-/// The worlds with the present numbers under every sun of the shots.
-pub fn worlds(numbers: &SceneUnknowns, shots: &[ScenePhotograph]) -> Result<Vec<(Option<[f64; 2]>, ReferenceWorld)>> {
-    let mut suns: Vec<Option<[f64; 2]>> = Vec::new();
-    for shot in shots {
-        if !suns.contains(&shot.sun_deg) {
-            suns.push(shot.sun_deg);
+impl LitWorld {
+    /// The worlds under every sun of the shots, one for each of these draws of discs; and where derivatives are asked
+    /// for, those of their differences, whose discs are by draws of their own.
+    ///
+    /// # Errors
+    /// Those of a physical sky that its model refuses.
+    pub fn all(
+        numbers: &SceneUnknowns,
+        shots: &[ScenePhotograph],
+        draws: Range<u64>,
+        sloped: bool,
+    ) -> Result<Vec<LitWorld>> {
+        let mut suns: Vec<Option<[f64; 2]>> = Vec::new();
+        for shot in shots {
+            if !suns.contains(&shot.sun_deg) {
+                suns.push(shot.sun_deg);
+            }
         }
+        let one = |(sun_deg, draw): (Option<[f64; 2]>, u64)| {
+            let stated = numbers.world(sun_deg)?;
+            let difference = |unknown| {
+                let beside: [f64; 2] = numbers.beside(unknown);
+                let side = |half: u64, area| numbers.counted(&stated, SIDES + 2 * draw + half, Some((unknown, area)));
+                let sides = [0, 1].map(|half| beside.map(|area| side(half, area)));
+                AreaDifference { unknown, over: 1.0 / (beside[1] - beside[0]), sides }
+            };
+            let areas = numbers.areas().filter(|_| sloped).map(|(unknown, _)| difference(unknown)).collect();
+            Ok(LitWorld { sun_deg, world: numbers.counted(&stated, draw, None), areas })
+        };
+        suns.into_iter().flat_map(|sun| draws.clone().map(move |draw| (sun, draw))).map(one).collect()
     }
-    suns.into_iter().map(|sun| Ok((sun, numbers.world(sun)?))).collect()
 }
 
 impl<'a> LitScene<'a> {
     /// The scene under every sun.
-    pub fn all(numbers: &SceneUnknowns, worlds: &'a [(Option<[f64; 2]>, ReferenceWorld)]) -> Result<Vec<LitScene<'a>>> {
-        let one = |(sun_deg, world): &'a (Option<[f64; 2]>, ReferenceWorld)| {
-            let tracer = PathTracer::new(world, PathSettings::default())?;
-            Ok(LitScene { sun_deg: *sun_deg, tracer, surfaces: numbers.surfaces(), slopes: numbers.slopes(*sun_deg)? })
+    pub fn all(numbers: &SceneUnknowns, worlds: &'a [LitWorld]) -> Result<Vec<LitScene<'a>>> {
+        let traced = |world: &'a ReferenceWorld| PathTracer::new(world, PathSettings::default());
+        let pair = |[low, high]: &'a [ReferenceWorld; 2]| Ok::<_, crate::Error>([traced(low)?, traced(high)?]);
+        let one = |LitWorld { sun_deg, world, areas }: &'a LitWorld| {
+            let difference = |of: &'a AreaDifference<ReferenceWorld>| {
+                let sides = [pair(&of.sides[0])?, pair(&of.sides[1])?];
+                Ok(AreaDifference { unknown: of.unknown, over: of.over, sides })
+            };
+            Ok(LitScene {
+                sun_deg: *sun_deg,
+                tracer: traced(world)?,
+                areas: areas.iter().map(difference).collect::<Result<_>>()?,
+                top: numbers.top(),
+                surfaces: numbers.surfaces(),
+                slopes: numbers.slopes(*sun_deg)?,
+            })
         };
         worlds.iter().map(one).collect()
     }
+
+    /// The unknown of each derivative of a picture.
+    pub fn by(&self) -> Vec<usize> {
+        let paths = self.slopes.iter().map(|(unknown, _)| *unknown);
+        paths.chain(self.areas.iter().map(|difference| difference.unknown)).collect()
+    }
 }
 
-/// Pictures of the shots that `wanted` chooses, with derivatives where they are asked for, from rounds of `each` paths
-/// a pixel.
+/// Pictures of the shots that `wanted` chooses, from rounds of `each` paths a pixel (all draws of discs together), with derivatives where they are
+/// asked for: as the first or as the second of the two that have them.
 pub fn draw(
     lit: &[LitScene],
     shots: &[ScenePhotograph],
     wanted: impl Fn(&ScenePhotograph) -> bool,
-    sloped: bool,
+    sloped: Option<usize>,
     [rounds, each]: [u32; 2],
     seed: u64,
 ) -> Result<Vec<DerivativePicture>> {
     let mut out = vec![DerivativePicture::default(); shots.len()];
-    for scene in lit {
-        let of: Vec<RadianceParameter> = scene.slopes.iter().filter(|_| sloped).map(|(_, of)| of.clone()).collect();
-        for (k, shot) in shots.iter().enumerate().filter(|(_, s)| s.sun_deg == scene.sun_deg && wanted(s)) {
-            out[k] = shot_of(scene, &of, shot, [rounds, each], seed ^ (k as u64) << 40)?;
+    for (k, shot) in shots.iter().enumerate().filter(|(_, shot)| wanted(shot)) {
+        let scenes: Vec<&LitScene> = lit.iter().filter(|scene| scene.sun_deg == shot.sun_deg).collect();
+        // Draws of discs share the rounds; two of them tell a variance.
+        let rounds = if scenes.len() > 1 { (rounds / scenes.len() as u32).max(2) } else { rounds };
+        let mut pictures = Vec::with_capacity(scenes.len());
+        for (number, scene) in scenes.into_iter().enumerate() {
+            let (paths, seed) = ([rounds, each], seed ^ (k as u64) << 40 ^ (number as u64) << 54);
+            let of: Vec<RadianceParameter> =
+                scene.slopes.iter().filter(|_| sloped.is_some()).map(|(_, of)| of.clone()).collect();
+            let mut picture = shot_of(scene, &scene.tracer, &of, shot, paths, seed)?;
+            for (difference, half) in scene.areas.iter().zip(sloped.iter().cycle()) {
+                let side = |tracer| shot_of(scene, tracer, &[], shot, paths, seed);
+                let [low, high] = &difference.sides[*half];
+                area::differ(&mut picture, [&side(low)?, &side(high)?], difference.over);
+            }
+            pictures.push(picture);
         }
+        out[k] = area::averaged(pictures);
     }
     Ok(out)
 }
@@ -74,6 +153,7 @@ pub fn draw(
 /// A picture, or reflectance factors.
 fn shot_of(
     scene: &LitScene,
+    tracer: &PathTracer,
     of: &[RadianceParameter],
     shot: &ScenePhotograph,
     [rounds, each]: [u32; 2],
@@ -81,10 +161,10 @@ fn shot_of(
 ) -> Result<DerivativePicture> {
     match &shot.by {
         ReadingKind::Camera(camera) => {
-            DerivativeTracer::new(&scene.tracer, of).picture(camera, shot.size, [rounds, each], seed)
+            DerivativeTracer::new(tracer, of).picture(camera, shot.size, [rounds, each], seed)
         }
         ReadingKind::Directions(toward) => {
-            let canopy = Canopy::new(scene.tracer.world(), seed).map_err(crate::Error::Missed)?;
+            let canopy = Canopy::new(tracer.world(), seed).map_err(crate::Error::Missed)?.from_above(scene.top);
             let paths = [rounds, each.saturating_mul(A_DIRECTION).min(MOST_PATHS)];
             match &scene.surfaces {
                 Some(surfaces) => canopy.factors_of_bands(toward, surfaces, of, paths, seed),
@@ -100,8 +180,8 @@ pub struct ShotSlopes<'a> {
     pub numbers: &'a SceneUnknowns,
     /// The shot.
     pub shot: &'a ScenePhotograph,
-    /// What the pictures are differentiated by, each with the index of its unknown.
-    pub of: &'a [(usize, RadianceParameter)],
+    /// The unknown of each derivative.
+    pub of: &'a [usize],
     /// The pictures.
     pub pictures: [&'a DerivativePicture; 2],
 }
@@ -112,7 +192,7 @@ impl ShotSlopes<'_> {
     pub fn row(&self, first: &[usize], k: usize, c: usize, row: &mut Vec<(usize, f64, f64)>) {
         let factor = exposure(self.numbers, self.shot);
         row.clear();
-        for (j, (q, _)) in self.of.iter().enumerate() {
+        for (j, q) in self.of.iter().enumerate() {
             let number = first[*q] + if self.numbers.list[*q].at.len() > 1 { c } else { 0 };
             let [p, q] = self.pictures.map(|sheet| factor * sheet.slope(k, j, c));
             if p != 0.0 || q != 0.0 {

@@ -1,5 +1,11 @@
 //! The kinds of unknown numbers, and the scales on which they are judged.
 
+/// Standard errors beyond which a reflectance, or another number over its own size, counts as not determined. If all
+/// reflectances from 0 to 1 were as likely, that of one that nothing shows would be 0.29.
+pub const UNKNOWN: f64 = 0.25;
+/// Standard errors to the bound below which a number lies with a probability of 95 %.
+const BELOW: f64 = 1.645;
+
 /// The channels' names.
 pub const CHANNELS: [&str; 3] = ["R", "G", "B"];
 
@@ -24,6 +30,8 @@ pub enum UnknownKind {
     Absorption(usize),
     /// A content of a leaf of layers, by its index in the list of substances.
     Content(usize, usize),
+    /// How many there are of a leaf of the world, over what the scene states.
+    Area(usize),
     /// Albedo of the ground, by its leaf of the world.
     Ground(usize),
     /// Irradiance of the sun.
@@ -85,6 +93,23 @@ impl UnknownQuantity {
         self.scale.map_or(1.0, |least| at.abs().max(least))
     }
 
+    /// The largest standard error with which a number counts as determined. A reflectance lies between 0 and 1, and one
+    /// of 0.02 ± 0.03 is known as dark. A number that nothing bounds from above, and that is no larger than its error,
+    /// is not known: it is found to be small, which is said as a bound.
+    pub fn limit(&self, at: f64) -> f64 {
+        let most = UNKNOWN * self.unit(at);
+        if self.scale.is_some() { most.min(at.abs()) } else { most }
+    }
+
+    /// Why a number with this standard error is not determined; `None` where it is.
+    pub fn open(&self, at: f64, error: f64) -> Option<String> {
+        match error {
+            error if error <= self.limit(at) => None,
+            error if error <= UNKNOWN * self.unit(at) => Some(format!("at most {:.3e}", at + BELOW * error)),
+            _ => Some("what the scene does not explain could be due to it".into()),
+        }
+    }
+
     /// The largest change of a number in one step.
     pub fn reach(&self, at: f64) -> f64 {
         if self.scale.is_some() { 0.6 * self.unit(at) } else { 0.3 }
@@ -92,9 +117,36 @@ impl UnknownQuantity {
 
     /// Names of its numbers, where the channels have these names.
     pub fn names(&self, channels: &[String]) -> Vec<String> {
-        match self.at.len() == channels.len() {
+        let shared = matches!(self.kind, UnknownKind::Area(_));
+        match self.at.len() == channels.len() && !shared {
             true => channels.iter().map(|c| format!("{}.{c}", self.name)).collect(),
             false => vec![self.name.clone()],
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_larger_than_its_error_is_not_determined() {
+        let of = |scale| UnknownQuantity {
+            kind: UnknownKind::Sun,
+            name: "a".into(),
+            at: vec![0.0],
+            low: 0.0,
+            high: vec![f64::INFINITY],
+            scale,
+        };
+        // A reflectance is bounded; a coefficient of which 0.5 is much is known as small, or not at all.
+        let (reflectance, coefficient) = (of(None), of(Some(0.5)));
+        assert_eq!(reflectance.open(0.02, 0.03), None);
+        assert!(reflectance.open(0.02, 0.26).is_some() && reflectance.open(0.9, f64::NAN).is_some());
+        assert_eq!(coefficient.open(0.02, 0.015), None);
+        assert_eq!(coefficient.open(0.02, 0.03).unwrap(), "at most 6.935e-2");
+        assert_eq!(coefficient.open(0.0, 0.03).unwrap(), "at most 4.935e-2");
+        assert_eq!(coefficient.open(2.0, 0.4), None);
+        assert!(coefficient.open(2.0, 0.6).unwrap().starts_with("what the scene"));
     }
 }

@@ -82,6 +82,8 @@ pub fn found(manifest: &SceneManifest, numbers: &SceneUnknowns, out: &Path) -> R
             }
             // Maps are those of the fit that is written beside the scene.
             UnknownKind::Factor(..) | UnknownKind::Exposure(_) => {}
+            // Discs that were counted are a list beside the scene.
+            UnknownKind::Area(_) => {}
         }
     }
     table.iter_mut().for_each(|(key, value)| {
@@ -104,6 +106,11 @@ pub fn found(manifest: &SceneManifest, numbers: &SceneUnknowns, out: &Path) -> R
             // Colours that were stated are those of the old spectrum.
             colours.iter().for_each(|key| drop(of.remove(*key)));
             of.insert("spectrum".into(), Value::String(bands::file(name.as_deref())));
+        }
+    }
+    for (name, _) in present.found_discs() {
+        if let Some(leaf) = leaf_table(&mut table, &name) {
+            leaf.insert("discs".into(), Value::String(disc_file(&name)));
         }
     }
     let text = toml::to_string(&table).map_err(|e| Error::write(out, e))?;
@@ -136,6 +143,11 @@ fn uniform<'a>(table: &'a mut Table, name: &str) -> Option<&'a mut Table> {
 /// The folder, beside the scene, of the fit with what was found of a leaf.
 pub fn leaf_folder(name: &str) -> String {
     format!("leaf-{name}")
+}
+
+/// The list of the discs that were found of a leaf, beside the scene.
+pub fn disc_file(name: &str) -> String {
+    format!("discs-{name}.txt")
 }
 
 /// Fields whose text is a file or a folder even where it could be a name.

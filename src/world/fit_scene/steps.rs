@@ -14,9 +14,10 @@
 //! by those of the residuals, weights would be large where the picture happens to be dark. Once steps are no larger
 //! than noise makes them, as many paths are followed as make the pictures' own noise a third of the measurement's.
 
-use crate::covariance::{covariance, unit};
+use crate::covariance::{covariance, names, unit};
 use crate::photographs::{PixelUse, ScenePhotograph};
-use crate::pictures::{LitScene, ShotSlopes, draw, exposure, is_fitted, rounds, variances, worlds};
+use crate::pictures::{LitScene, LitWorld, ShotSlopes, draw, exposure, is_fitted, rounds, variances};
+use crate::scatter::AreaScatter;
 use crate::step::{moved, step};
 use crate::unknowns::SceneUnknowns;
 use crate::{Options, Result, processor};
@@ -104,6 +105,10 @@ pub struct SceneFit {
     pub own_noise: f64,
     /// Number of wild pixels that were left out.
     pub wild: usize,
+    /// What the draw of discs adds to the standard errors of areas: each with its name.
+    pub areas: Vec<(String, f64)>,
+    /// The share of the variances of readings that is due to it, and that all readings have in common.
+    pub scatter: f64,
 }
 
 /// What a step is made of.
@@ -120,9 +125,9 @@ pub struct SceneNormal {
     /// Median of own noise over the measurement's.
     own: f64,
     /// Every reading of the pictures that were drawn.
-    compared: Vec<ReadingComparison>,
+    pub compared: Vec<ReadingComparison>,
     /// How what is shown depends on the numbers: a reading, a number, the derivative.
-    slopes: Vec<(usize, usize, f64)>,
+    pub slopes: Vec<(usize, usize, f64)>,
 }
 
 impl SceneNormal {
@@ -160,6 +165,9 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
         stepped = after.iter().zip(&before).map(|(a, b)| a - b).collect();
         let shares: Vec<f64> = (0..n).map(|k| (after[k] - before[k]) / stderr[k]).filter(|s| s.is_finite()).collect();
         let square = shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64;
+        // Other discs stand in the fit than in the pictures. Until the end that is noise of an unknown size.
+        let counted = numbers.areas().next().is_some();
+        let spread = if counted { (normal.chi2 / normal.count.max(1) as f64).max(1.0) } else { 1.0 };
         let row = TraceRow {
             iteration,
             evaluations: 3 * (iteration + 1),
@@ -185,7 +193,7 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
         let near = (0..n).all(|k| (after[k] - before[k]).abs() <= NEAR * unit[k].min(before[k].abs().max(0.02)));
         let enough = own <= 1.1 * OWN || paths >= options.samples;
         since += 1;
-        if square > NOISE_ALONE && !(near && enough && wild.is_some()) {
+        if square > NOISE_ALONE * spread && !(near && enough && wild.is_some()) {
             if since >= PATIENCE && !enough {
                 (paths, since) = (paths.saturating_mul(4).min(options.samples), 0);
             }
@@ -194,7 +202,7 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
         since = 0;
         if wild.is_none() {
             // Near the end, readings that nothing explains are left out once.
-            wild = last.as_ref().map(|normal| leave_out(shots, &normal.compared));
+            wild = last.as_ref().map(|normal| leave_out(shots, &normal.compared, WILD * spread.sqrt()));
         } else if enough {
             termination = Termination::StepSmall;
             break;
@@ -207,23 +215,32 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
     // The last step was so small that its own pictures, moved by the derivatives, judge the numbers. Pictures that were
     // kept from the fit are drawn now.
     let mut compared = held_out(numbers, shots, paths, seed + 5)?;
-    let (covariance, undetermined) = covariance(numbers, &normal.matrix);
+    let (mut covariance, undetermined) = covariance(numbers, &normal.matrix);
+    let scatter = AreaScatter::new(numbers, shots, paths, seed + 11)?;
+    let mut areas = Vec::new();
+    if let Some(scatter) = &scatter {
+        let part = scatter.widen(numbers, shots, &normal, &mut covariance);
+        let (places, names) = (numbers.places().0, names(numbers));
+        let known = numbers.areas().map(|(k, _)| places[k]).filter(|k| undetermined[*k].is_none());
+        areas.extend(known.map(|k| (format!("{}.monte_carlo_error", names[k]), part[(k, k)].sqrt())));
+    }
     let wild = wild.unwrap_or(0);
     let own_noise = normal.own;
     compared.extend(normal.after(&stepped));
-    Ok(SceneFit { covariance, undetermined, compared, termination, steps, paths, own_noise, wild })
+    let scatter = scatter.map_or(0.0, |scatter| scatter.judge(numbers, shots, &mut compared));
+    Ok(SceneFit { covariance, undetermined, compared, termination, steps, paths, own_noise, wild, areas, scatter })
 }
 
 fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: u64) -> Result<SceneNormal> {
     let (first, n) = numbers.places();
     let [rounds, each] = rounds(paths);
-    let worlds = worlds(numbers, shots)?;
+    let worlds = LitWorld::all(numbers, shots, 0..numbers.draws(), true)?;
     let lit = LitScene::all(numbers, &worlds)?;
-    let slopes = lit.first().map_or(&[][..], |scene| &scene.slopes);
+    let slopes = &lit.first().map(LitScene::by).unwrap_or_default();
     let (a, one, two) = (
-        draw(&lit, shots, is_fitted, false, [2 * rounds, each], seed)?,
-        draw(&lit, shots, is_fitted, true, [rounds, each], seed + 1)?,
-        draw(&lit, shots, is_fitted, true, [rounds, each], seed + 2)?,
+        draw(&lit, shots, is_fitted, None, [2 * rounds, each], seed)?,
+        draw(&lit, shots, is_fitted, Some(0), [rounds, each], seed + 1)?,
+        draw(&lit, shots, is_fitted, Some(1), [rounds, each], seed + 2)?,
     );
     let compared = compared(numbers, shots, is_fitted, &a, [&one, &two], rounds);
     let fitted = || compared.iter().filter(|c| c.of == PixelUse::Fitted);
@@ -296,19 +313,19 @@ fn held_out(
 ) -> Result<Vec<ReadingComparison>> {
     let all = |shot: &ScenePhotograph| !is_fitted(shot);
     let [rounds, each] = rounds(paths);
-    let worlds = worlds(numbers, shots)?;
+    let worlds = LitWorld::all(numbers, shots, 0..numbers.draws(), false)?;
     let lit = LitScene::all(numbers, &worlds)?;
-    let shown = draw(&lit, shots, all, false, [2 * rounds, each], seed)?;
-    let one = draw(&lit, shots, all, false, [rounds, each], seed + 7)?;
-    let two = draw(&lit, shots, all, false, [rounds, each], seed + 8)?;
+    let shown = draw(&lit, shots, all, None, [2 * rounds, each], seed)?;
+    let one = draw(&lit, shots, all, None, [rounds, each], seed + 7)?;
+    let two = draw(&lit, shots, all, None, [rounds, each], seed + 8)?;
     Ok(compared(numbers, shots, all, &shown, [&one, &two], rounds))
 }
 
-/// Marks pixels with wild readings, where they are few and stand alone, and returns how many these are. What neighbours
-/// share is no accident of a pixel.
-fn leave_out(shots: &mut [ScenePhotograph], compared: &[ReadingComparison]) -> usize {
+/// Marks pixels with readings that are more than `wild` standard errors off, where they are few and stand alone, and
+/// returns how many these are. What neighbours share is no accident of a pixel.
+fn leave_out(shots: &mut [ScenePhotograph], compared: &[ReadingComparison], wild: f64) -> usize {
     let far: BTreeSet<[usize; 2]> =
-        compared.iter().filter(|c| c.residual.abs() > WILD).map(|c| [c.at[0], c.at[1]]).collect();
+        compared.iter().filter(|c| c.residual.abs() > wild).map(|c| [c.at[0], c.at[1]]).collect();
     let alone = |at: &&[usize; 2]| {
         let [s, k] = **at;
         let w = shots[s].size[0] as isize;

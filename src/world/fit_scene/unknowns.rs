@@ -1,6 +1,7 @@
 //! The unknown numbers of a scene: what they are called, where they start, between which limits they lie, and the world
 //! that they make.
 
+use crate::area::{self, DiscPopulation};
 use crate::bands::SceneBands;
 use crate::mapped::MappedLeaf;
 use crate::quantity::{CHANNELS, UnknownKind, UnknownQuantity};
@@ -9,7 +10,7 @@ use crate::{Error, Result};
 use glam::DVec3;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::{SceneManifest, SceneSky, SkyModel, StatedUnknowns, SunLight, UniformLeaf};
+use mesophyll_scene::manifest::{AREA, SceneManifest, SceneSky, SkyModel, StatedUnknowns, SunLight, UniformLeaf};
 use mesophyll_scene::placed::ledger::Ledger;
 use mesophyll_transport::RadianceAt;
 use mesophyll_transport::path::SurfaceBands;
@@ -24,12 +25,17 @@ const TURBIDITY_STEP: f64 = 0.02;
 /// A scene with unknown numbers.
 pub struct SceneUnknowns {
     /// The scene's own world, whose numbers are replaced.
-    world: ReferenceWorld,
-    manifest: SceneManifest,
+    pub world: ReferenceWorld,
+    /// The scene.
+    pub manifest: SceneManifest,
     /// Names of the world's leaves, as far as they are leaves.
     leaves: Vec<String>,
     /// What leaves of the world consist of, where that is unknown.
     tissues: BTreeMap<usize, SceneTissue>,
+    /// Leaves of discs whose area is unknown.
+    pub populations: BTreeMap<usize, DiscPopulation>,
+    /// Seed by which discs are taken away or added.
+    pub seed: u64,
     /// What everything scatters at each wavelength, where bands were measured and not three channels.
     pub bands: Option<SceneBands>,
     /// Names of the channels, or of the bands.
@@ -54,7 +60,7 @@ impl SceneUnknowns {
         let manifest = &scene.manifest;
         let none = StatedUnknowns::default();
         let unknown = manifest.unknown.as_ref().unwrap_or(&none);
-        let (mut list, mut tissues) = (Vec::new(), BTreeMap::new());
+        let (mut list, mut tissues, mut populations) = (Vec::new(), BTreeMap::new(), BTreeMap::new());
         let bands = wavelengths.map(|nm| SceneBands::new(scene, nm)).transpose()?;
         for (name, asked) in &unknown.leaves {
             let refuse = |what: String| Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what);
@@ -62,6 +68,12 @@ impl SceneUnknowns {
                 let what = "found a leaf that stands nowhere in the scene, expected one that pictures could show";
                 return Err(refuse(what.into()));
             };
+            let (areas, asked): (Vec<String>, Vec<String>) = asked.iter().cloned().partition(|what| what == AREA);
+            if !areas.is_empty() {
+                populations.insert(k, DiscPopulation::new(&world, k).map_err(refuse)?);
+                list.push(area::unknown(k, name));
+            }
+            let asked = &asked;
             if let Some(bands) = &bands {
                 list.extend(bands.unknowns(k, leaf.config, asked).map_err(refuse)?);
                 continue;
@@ -112,7 +124,8 @@ impl SceneUnknowns {
         }
         let leaves = scene.drawn().map(|leaf| leaf.config.name.clone()).collect();
         let channels = bands.as_ref().map_or_else(|| CHANNELS.map(String::from).to_vec(), SceneBands::names);
-        Ok(SceneUnknowns { world, manifest: manifest.clone(), leaves, tissues, bands, channels, list })
+        let (manifest, seed) = (manifest.clone(), 0);
+        Ok(SceneUnknowns { world, manifest, leaves, tissues, populations, seed, bands, channels, list })
     }
 
     /// Index of the first number of each unknown, and how many there are in all.
@@ -308,7 +321,7 @@ impl SceneUnknowns {
                     });
                     RadianceParameter::Light { sky: Some(sky), sun: [0, 1, 2].map(|c| (high[c] - low[c]) * over) }
                 }
-                UnknownKind::Exposure(_) => continue,
+                UnknownKind::Exposure(_) | UnknownKind::Area(_) => continue,
                 UnknownKind::Slab(leaf, _)
                 | UnknownKind::Factor(leaf, _)
                 | UnknownKind::Absorption(leaf)

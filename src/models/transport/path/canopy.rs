@@ -75,6 +75,13 @@ impl<'a> Canopy<'a> {
         })
     }
 
+    /// The canopy with rays from above that begin at this height (mm) at least. Canopies of which one has more leaves
+    /// than another then have the same rays.
+    #[must_use]
+    pub fn from_above(self, height: f64) -> Self {
+        Canopy { top: self.top.max(height), ..self }
+    }
+
     /// The seed of the paths towards a direction.
     pub(super) fn key(&self, [zenith, azimuth]: [f64; 2]) -> u64 {
         let (sin, cos) = zenith.sin_cos();

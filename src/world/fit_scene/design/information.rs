@@ -57,11 +57,11 @@ pub fn rows(
     let [rounds, each] = rounds(samples as u32);
     let mine = seed ^ (k as u64) << 40;
     let all = |_: &ScenePhotograph| true;
-    let shown = &draw(lit, shots, all, false, [2 * rounds, each], mine)?[0];
-    let one = &draw(lit, shots, all, true, [rounds, each], mine + 1)?[0];
-    let two = &draw(lit, shots, all, true, [rounds, each], mine + 2)?[0];
+    let shown = &draw(lit, shots, all, None, [2 * rounds, each], mine)?[0];
+    let one = &draw(lit, shots, all, Some(0), [rounds, each], mine + 1)?[0];
+    let two = &draw(lit, shots, all, Some(1), [rounds, each], mine + 2)?[0];
     let (first, n) = numbers.places();
-    let of = lit.first().map_or(&[][..], |scene| &scene.slopes);
+    let of = &lit.first().map(LitScene::by).unwrap_or_default();
     let slopes = ShotSlopes { numbers, shot, of, pictures: [one, two] };
     let factor = exposure(numbers, shot);
     let variances = variances(shot, [shown, shown], 2 * rounds, factor);

@@ -11,9 +11,8 @@ mod information;
 #[cfg(test)]
 mod tests;
 
-use crate::covariance::UNKNOWN;
 use crate::photographs::{self, ScenePhotograph};
-use crate::pictures::{LitScene, is_fitted, worlds};
+use crate::pictures::{LitScene, LitWorld, is_fitted};
 use crate::quantity::{UnknownKind, UnknownQuantity};
 use crate::step::keep_energy;
 use crate::unknowns::SceneUnknowns;
@@ -103,6 +102,7 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
     groups.sort();
     groups.dedup();
     let mut numbers = SceneUnknowns::new(scene, world, &groups, None, ledger)?;
+    numbers.seed = options.seed;
     let noise = noise(&shots, options);
     let size = shots.iter().find(|s| matches!(s.by, photographs::ReadingKind::Camera(_))).map(|s| s.size);
     let size = size.unwrap_or([manifest.check.width, manifest.check.height].map(|n| n as usize));
@@ -120,7 +120,7 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
         let values = drawn(&numbers, &stated, options.range, draw);
         numbers.set(&values);
         let all: Vec<ScenePhotograph> = planned.iter().map(|p| p.shot.clone()).collect();
-        let worlds = worlds(&numbers, &all)?;
+        let worlds = LitWorld::all(&numbers, &all, 0..numbers.draws(), true)?;
         let lit = LitScene::all(&numbers, &worlds)?;
         let seed = options.seed.wrapping_add(1 + 3 * draw as u64);
         let rows = (0..planned.len()).map(|k| {
@@ -134,7 +134,7 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
     let problem =
         DesignProblem { aim: DesignAim::Parameters, parameters, situations, taken: (0..taken.len()).collect() };
     let quantities = numbers.list.iter().map(|q| (q.name.clone(), q.at.len())).collect();
-    let limits = unit.iter().map(|u| UNKNOWN * u).collect();
+    let limits = numbers.list.iter().flat_map(|q| q.at.iter().map(|at| q.limit(*at))).collect();
     Ok(SceneDesign { problem, candidates, taken, noise, quantities, limits })
 }
 

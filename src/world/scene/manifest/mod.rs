@@ -38,7 +38,7 @@ pub use plant::{
 };
 pub use spectrum::StatedSpectrum;
 pub use uniform::{UniformLeaf, UniformSlab};
-pub use unknowns::{StatedFactors, StatedPhotograph, StatedUnknowns};
+pub use unknowns::{AREA, StatedFactors, StatedPhotograph, StatedUnknowns};
 pub use view::{
     CaptureView, CardView, CheckSettings, PerspectiveView, SceneCamera, SceneView, TranslucencyReference, ViewKind,
 };

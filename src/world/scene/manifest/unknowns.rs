@@ -51,7 +51,7 @@ pub struct StatedFactors {
 #[serde(deny_unknown_fields, default)]
 pub struct StatedUnknowns {
     /// For each leaf, by its name, numbers that its kind of leaf has: `rho_d`, `rho_t`, `rho_s`, `m`, `sigma_a`,
-    /// `sigma_s`, `thickness_mm`, or the contents of a leaf of layers.
+    /// `sigma_s`, `thickness_mm`, or the contents of a leaf of layers; and `area` of discs.
     pub leaves: BTreeMap<String, Vec<String>>,
     /// `albedo`.
     pub ground: Vec<String>,
@@ -67,6 +67,9 @@ const OF_LEAVES: &[&str] = &["rho_d", "rho_t", "rho_s", "m"];
 const OF_SLABS: &[&str] = &["sigma_a", "sigma_s", "thickness_mm", "rho_s", "m"];
 /// Numbers of a fitted leaf: those of its slab, and of its maps.
 const OF_FITS: &[&str] = &["sigma_a", "sigma_s", "thickness_mm", "rho_d", "rho_t", "rho_s", "m"];
+
+/// The area of all discs of a leaf, as a factor on what the scene states.
+pub const AREA: &str = "area";
 
 impl StatedLeaf {
     /// The numbers of the leaf that may be unknown, and in words what kind of leaf has these.
@@ -163,9 +166,13 @@ impl SceneManifest {
                 return bad(&field, what);
             }
             let (known, kind) = leaf.unknowable();
-            if let Some(number) = numbers.iter().find(|n| !known.contains(&n.as_str())) {
+            if let Some(number) = numbers.iter().find(|n| *n != AREA && !known.contains(&n.as_str())) {
                 let expected = format!("expected some of {}, the numbers of {kind}", known.join(", "));
                 return bad(&field, format!("found \"{number}\", {expected}"));
+            }
+            if numbers.iter().any(|n| n == AREA) && leaf.discs.is_none() {
+                let what = "of a leaf with a mesh, expected one with `discs`, of which there can be fewer or more";
+                return bad(&field, format!("found \"{AREA}\" {what}"));
             }
             if leaf.translucency.is_some() {
                 let what = "found a leaf through which the sun shines by translucency maps, which belong to its \

@@ -1,7 +1,7 @@
 //! What a fit of the scene to its pictures needs: derivatives by the numbers that are unknown, and by no others.
 
 use super::{PlanNeed, PlanOmission, ScenePlan};
-use crate::manifest::SceneManifest;
+use crate::manifest::{AREA, SceneManifest};
 
 /// Bytes of one quantity's derivatives of a pixel: three channels, in two pictures that are drawn apart.
 const BYTES: u64 = 2 * 3 * 8;
@@ -12,7 +12,7 @@ pub fn unknowns(manifest: &SceneManifest, plan: &mut ScenePlan) {
     let (mut asked, mut rest) = (Vec::new(), Vec::new());
     for leaf in manifest.leaves.iter().filter(|leaf| leaf.like.is_none()) {
         let own = unknown.leaves.get(&leaf.name);
-        for number in leaf.unknowable().0 {
+        for number in leaf.unknowable().0.iter().chain(leaf.discs.as_ref().map(|_| &AREA)) {
             let name = format!("leaf.{}.{number}", leaf.name);
             let list = if own.is_some_and(|own| own.iter().any(|n| n == number)) { &mut asked } else { &mut rest };
             list.push(name);
