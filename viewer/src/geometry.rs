@@ -4,6 +4,7 @@
 
 use crate::detail::{self, InstanceInputs, Levels};
 use crate::extents::bounds;
+use crate::far::{FarPlants, thinned};
 use crate::gpu::Gpu;
 use crate::passes::bend::{self, BendPass, Carrier, Ride};
 use crate::passes::bounds::reach;
@@ -103,7 +104,7 @@ impl MeshOnGpu {
 }
 
 /// Material, mesh and stand of a batch, and the instance whose vertices have sections of their own.
-type BatchKey = (usize, usize, Option<u32>, Option<usize>);
+pub(crate) type BatchKey = (usize, usize, Option<u32>, Option<usize>);
 
 /// All instances of one mesh in one material. They take one draw for each level of detail. An instance whose vertices
 /// have sections of their own is a batch by itself.
@@ -136,7 +137,13 @@ pub(crate) struct Batch {
 impl Batch {
     /// Uploads everything that stands in the scene, ordered by material and then by mesh. `points` are those of all
     /// sections at rest.
-    pub(crate) fn all(gpu: &Gpu, scene: &Scene, points: &[Vec3], stats: &mut RenderStatistics) -> Vec<Batch> {
+    pub(crate) fn all(
+        gpu: &Gpu,
+        scene: &Scene,
+        points: &[Vec3],
+        known: &mut FarPlants,
+        stats: &mut RenderStatistics,
+    ) -> Vec<Batch> {
         // In closed form a branch may come out of its ball.
         let poses = scene.sections.as_ref().and_then(|s| s.poses.as_ref()).filter(|p| !p.closed_form);
         let reach = poses.map_or_else(Vec::new, |poses| reach(scene, poses));
@@ -148,6 +155,7 @@ impl Batch {
                 together.entry((instance.material, instance.mesh, instance.stand, alone)).or_default().push(*instance);
             }
         }
+        let far = thinned(scene, &together, &stands, known);
         let batch = |(key, instances): (BatchKey, Vec<Instance>)| {
             let (material, mesh, of, alone) = key;
             let variant = Variant::new(gpu, scene, &instances)?;
@@ -164,10 +172,10 @@ impl Batch {
             let mut trunks: Vec<(Vec3, f32)> = limbs.into_iter().flatten().map(|limb| reach[limb]).collect();
             // The branches of a trunk mostly follow each other.
             trunks.dedup();
-            let thinned = variant.leaf().is_some() && !scene.in_full;
+            let far = of.and_then(|k| far.get(&(k, material, mesh)));
             let stand = of.map(|k| (&scene.stands[k as usize], &stands[k as usize]));
             let put_rows = match stand {
-                Some(_) => put("leaves", bytemuck::cast_slice(&stand::leaves(&rows, &rides, thinned))),
+                Some(_) => put("leaves", bytemuck::cast_slice(&stand::leaves(&rows, &rides, far))),
                 None => put("instances", bytemuck::cast_slice(&rows)),
             };
             let carried = ride == Some(Ride::Instances) && stand.is_none();
@@ -178,7 +186,7 @@ impl Batch {
             let mut levels = Levels::new(&scene.meshes[mesh], &instances, inputs, trunks, leaf, scene.in_full);
             let stand = stand.map(|(stand, bounds)| {
                 levels.scale_up(bounds.largest);
-                StandBatch::new(gpu, stand, bounds, &levels, &instances, thinned)
+                StandBatch::new(gpu, stand, bounds, &instances, far.cloned())
             });
             Some(Batch {
                 mesh,
@@ -289,17 +297,17 @@ impl Batch {
     }
 
     /// Chooses on the CPU what a picture shows.
-    pub(crate) fn arrange(&mut self, gpu: &Gpu, seen: &Seen) {
+    pub(crate) fn arrange(&mut self, gpu: &Gpu, seen: &Seen, sun: Option<Vec3>) {
         if let Some(stand) = &mut self.stand {
-            return stand.arrange(gpu, seen, &self.levels, &self.instances);
+            return stand.arrange(gpu, seen, sun, &self.levels, &self.instances);
         }
         self.levels.arrange(gpu, seen, &self.instances, self.rides.as_ref(), self.begins.as_ref());
     }
 
     /// Chooses on the CPU what shadow maps show whose texels have this side.
-    pub(crate) fn cast(&mut self, gpu: &Gpu, texel: f32, falls: Option<&Falls>) {
+    pub(crate) fn cast(&mut self, gpu: &Gpu, texel: f32, sun: Vec3, falls: Option<&Falls>) {
         match &mut self.stand {
-            Some(stand) => stand.cast(gpu, texel, falls, &self.levels, &self.instances),
+            Some(stand) => stand.cast(gpu, texel, sun, falls, &self.levels, &self.instances),
             None => self.levels.thin_maps(gpu, texel),
         }
     }

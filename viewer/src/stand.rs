@@ -1,25 +1,22 @@
 //! Chooses which of the plants that stand in many places a picture shows, how many of their leaves, and at which level
 //! of detail. What the plants share is on the adapter once; a plant costs a row of numbers in each list that has it.
-//! Plants outside the view are left out. All leaves of a plant are thinned alike, by its distance (`thinning.rs`).
+//! Plants outside the view are left out. All leaves of a plant are thinned alike, by its distance (`far`).
 
 use crate::detail::{Levels, PIXELS};
 use crate::extents::{StandBounds, scale_of};
+use crate::far::FarKind;
 use crate::gpu::Gpu;
 use crate::passes::shadow::STRIDE;
 use crate::scene::{Instance, PlantStand, StandPlace, Sun};
 use crate::shader::Defines;
-use crate::thinning::{FADE, FEWEST, MANY, Seen, WIDE, ranks};
-use glam::Vec3;
+use crate::thinning::{FADE, Seen};
+use glam::{Mat3, Mat4, Vec3};
 use std::ops::Range;
 use std::sync::Arc;
 use wgpu::BufferUsages as Use;
 
 /// The bind group of the plants.
 pub(crate) const GROUP: u32 = 3;
-/// A plant that is narrower than this in the picture (pixels) has still fewer leaves than [`FEWEST`] allows, in
-/// proportion to the pixels that it covers, but never fewer than [`LAST`].
-const NARROW: f32 = 24.0;
-const LAST: f32 = 16.0;
 /// Classes of numbers of leaves between a number and twice as many. The draws of a class have as many leaves.
 const CLASSES: f32 = 4.0;
 /// The largest distance (mm) by which surfaces are lifted out of their own shadows because of levels of detail. Coarser
@@ -55,13 +52,13 @@ pub(crate) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
 }
 
 /// What the vertex stage reads of each leaf, in the order of the ranks.
-pub(crate) fn leaves(rows: &[[[f32; 4]; 3]], rides: &[i32], thinned: bool) -> Vec<[[f32; 4]; 4]> {
-    let ranks = if thinned { ranks(rows.len()) } else { vec![0.0; rows.len()] };
+pub(crate) fn leaves(rows: &[[[f32; 4]; 3]], rides: &[i32], far: Option<&FarKind>) -> Vec<[[f32; 4]; 4]> {
+    let rank = |k: usize| far.map_or(0.0, |(plant, kind)| plant.leaves[*kind].ranks[k]);
     let mut order: Vec<usize> = (0..rows.len()).collect();
-    order.sort_by(|a, b| ranks[*a].total_cmp(&ranks[*b]));
+    order.sort_by(|a, b| rank(*a).total_cmp(&rank(*b)));
     let one = |k: usize| {
         let [x, y, z] = rows[k];
-        [x, y, z, [rides[k] as f32, ranks[k], 0.0, 0.0]]
+        [x, y, z, [rides[k] as f32, rank(k), 0.0, 0.0]]
     };
     order.into_iter().map(one).collect()
 }
@@ -70,11 +67,10 @@ pub(crate) fn leaves(rows: &[[[f32; 4]; 3]], rides: &[i32], thinned: bool) -> Ve
 pub(crate) struct StandBatch {
     stand: Arc<PlantStand>,
     bounds: Arc<StandBounds>,
-    /// Number of instances in a plant, and whether fewer of them may be drawn at a distance.
+    /// Number of instances in a plant.
     leaves: u32,
-    thinned: bool,
-    /// Radius of the ball around a leaf of the plant, the mean over its leaves.
-    radius: f32,
+    /// What is known of the plant at a distance, where fewer leaves may be drawn.
+    far: Option<FarKind>,
     layout: wgpu::BindGroupLayout,
     /// What pictures show, and what casts shadows.
     pub seen: StandList,
@@ -121,33 +117,38 @@ impl Falls {
     }
 }
 
-/// A plant of a list: its level, its class, its place and the share of its leaves that is drawn.
-type Listed = (usize, u32, u32, f32);
+/// A plant of a list: its level, its class, its place, the share of its leaves that is drawn, and the factors of their
+/// areas and of the sun's light.
+type Listed = (usize, u32, u32, f32, [f32; 2]);
 
 impl StandBatch {
     pub(crate) fn new(
         gpu: &Gpu,
         stand: &Arc<PlantStand>,
         bounds: &Arc<StandBounds>,
-        levels: &Levels,
         instances: &[Instance],
-        thinned: bool,
+        far: Option<FarKind>,
     ) -> StandBatch {
-        let squares: f32 = instances.iter().map(|i| scale_of(&i.transform).powi(2)).sum();
         StandBatch {
             stand: stand.clone(),
             bounds: bounds.clone(),
             leaves: instances.len() as u32,
-            thinned: thinned && instances.len() >= MANY,
-            radius: levels.around().1 * (squares / instances.len().max(1) as f32).sqrt(),
+            far,
             layout: layout(gpu),
             seen: StandList::default(),
             casting: StandList::default(),
         }
     }
 
-    /// Chooses what a picture shows. `levels` are those of the mesh.
-    pub(crate) fn arrange(&mut self, gpu: &Gpu, seen: &Seen, levels: &Levels, leaves: &wgpu::Buffer) {
+    /// Chooses what a picture shows. `sun` is the direction towards it, and `levels` are those of the mesh.
+    pub(crate) fn arrange(
+        &mut self,
+        gpu: &Gpu,
+        seen: &Seen,
+        sun: Option<Vec3>,
+        levels: &Levels,
+        leaves: &wgpu::Buffer,
+    ) {
         let mut listed: Vec<Listed> = Vec::new();
         let mut apart = 0.0f32;
         for (k, place) in self.stand.places.iter().enumerate() {
@@ -157,13 +158,17 @@ impl StandBatch {
                 continue;
             }
             let (centre, radius) = self.bounds.rest;
-            let distance = seen.eye.distance(place.transform.transform_point3(centre));
-            let kept = if seen.has_perspective() { self.kept(scale, seen.pixel * distance) } else { 1.0 };
+            let to_eye = seen.eye - place.transform.transform_point3(centre);
+            let distance = to_eye.length();
+            let (kept, factors) = match seen.has_perspective() {
+                true => self.kept(&place.transform, seen.pixel * distance, to_eye, sun),
+                false => (1.0, [1.0; 2]),
+            };
             let most = PIXELS * seen.pixel * (distance - radius * scale).max(0.0);
-            let enlarged = scale * largest(kept);
+            let enlarged = scale * largest(kept) * factors[0].sqrt();
             let level = (0..levels.lit().len()).rev().find(|n| levels.lit()[*n].1 * enlarged <= most).unwrap_or(0);
             apart = apart.max((levels.lit()[level].1 * enlarged).min(LIFTED));
-            listed.push((level, self.class(kept), k as u32, kept));
+            listed.push((level, self.class(kept), k as u32, kept, factors));
         }
         let ranges: Vec<Range<u32>> = levels.lit().iter().map(|(range, _)| range.clone()).collect();
         let mut list = std::mem::take(&mut self.seen);
@@ -183,6 +188,7 @@ impl StandBatch {
         &mut self,
         gpu: &Gpu,
         texel: f32,
+        sun: Vec3,
         falls: Option<&Falls>,
         levels: &Levels,
         leaves: &wgpu::Buffer,
@@ -194,8 +200,8 @@ impl StandBatch {
             if falls.is_some_and(|falls| !falls.seen.shows_on_way([centre, falls.end(centre, radius)], radius)) {
                 return None;
             }
-            let kept = self.kept(scale, texel);
-            Some((0, self.class(kept), k as u32, kept))
+            let (kept, factors) = self.kept(&place.transform, texel, sun, None);
+            Some((0, self.class(kept), k as u32, kept, factors))
         };
         let listed = self.stand.places.iter().enumerate().filter_map(one).collect();
         let mut list = std::mem::take(&mut self.casting);
@@ -203,15 +209,18 @@ impl StandBatch {
         self.casting = list;
     }
 
-    /// The share of its leaves that is drawn of a plant of this scale, where pixels or texels have this width (mm).
-    fn kept(&self, scale: f32, pixel: f32) -> f32 {
-        if !self.thinned {
-            return 1.0;
+    /// The share of its leaves that is drawn of a plant, where pixels or texels have this width (mm), and the factors
+    /// of their areas and of the sun's light. Directions are towards the eye and the sun, from wherever is looked.
+    fn kept(&self, place: &Mat4, pixel: f32, eye: Vec3, sun: Option<Vec3>) -> (f32, [f32; 2]) {
+        let Some((plant, kind)) = &self.far else { return (1.0, [1.0; 2]) };
+        let pixel = pixel / scale_of(place).max(1e-30);
+        let kept = plant.kept(*kind, pixel);
+        if kept >= 1.0 {
+            return (1.0, [1.0; 2]);
         }
-        let across = |radius: f32| 2.0 * radius * scale / pixel.max(1e-30);
-        let narrow = (across(self.bounds.rest.1) / NARROW).min(1.0).powi(2);
-        let least = (FEWEST * narrow).max(LAST / self.leaves as f32);
-        (across(self.radius) / WIDE).powi(2).max(least).min(1.0)
+        let back = Mat3::from_mat4(*place).transpose();
+        let own = |d: Vec3| (back * d).normalize_or(Vec3::Z);
+        (kept, plant.factors(pixel, own(eye), sun.map(own)))
     }
 
     /// The class of a share of the leaves: 0 for all of them.
@@ -234,12 +243,12 @@ impl StandBatch {
         middle: Vec3,
         leaves: &wgpu::Buffer,
     ) {
-        listed.sort_by_key(|(level, class, place, _)| (*level, *class, *place));
-        let plant = |(.., place, kept): &Listed| {
+        listed.sort_by_key(|(level, class, place, ..)| (*level, *class, *place));
+        let plant = |(_, _, place, kept, [larger, lit]): &Listed| {
             let place = &self.stand.places[*place as usize];
             let m = place.transform;
             let [x, y, z] = [0, 1, 2].map(|k| m.row(k).to_array());
-            [x, y, z, [*kept, (place.pose * self.stand.sections) as f32, 0.0, 0.0]]
+            [x, y, z, [*kept, (place.pose * self.stand.sections) as f32, *larger, *lit]]
         };
         let plants: Vec<[[f32; 4]; 4]> = listed.iter().map(plant).collect();
         let (mut draws, mut first) = (Vec::new(), 0);

@@ -96,7 +96,11 @@ impl Seen {
 /// The factor by which a leaf with this rank is drawn larger if its ball is `wide` pixels or texels across; 0 where it
 /// is left out.
 pub(crate) fn enlarged(wide: f32, rank: f32) -> f32 {
-    let kept = (wide / WIDE).powi(2).max(FEWEST);
+    size((wide / WIDE).powi(2).max(FEWEST), rank)
+}
+
+/// The same where this share of the leaves is drawn.
+pub(crate) fn size(kept: f32, rank: f32) -> f32 {
     if kept >= 1.0 {
         return 1.0;
     }

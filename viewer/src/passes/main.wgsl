@@ -84,8 +84,14 @@ struct Vertex {
 
 struct Varying {
     @builtin(position) position: vec4f,
+    //#if STAND
+    // Leaves of far plants are smaller than a pixel, whose centre then lies beside them. They are lit where they are.
+    @location(0) @interpolate(perspective, centroid) world: vec3f,
+    @location(1) @interpolate(perspective, centroid) normal: vec3f,
+    //#else
     @location(0) world: vec3f,
     @location(1) normal: vec3f,
+    //#endif
     //#if LEAF
     @location(2) uv: vec2f,
     //#endif
@@ -106,6 +112,10 @@ struct Varying {
     //#if SHARES
     // Share of the sun's disk that is seen.
     @location(6) share: f32,
+    //#endif
+    //#if STAND
+    // The factor of the sun's light (`far`).
+    @location(7) @interpolate(flat) lit: f32,
     //#endif
 }
 
@@ -175,6 +185,7 @@ fn vertex(in: Vertex) -> Varying {
     let plant = plant_of(in.instance);
     out.world = on_land(plant, out.world);
     out.normal = turned_on_land(plant, out.normal);
+    out.lit = stand_plants[plant][3].w;
     //#if TANGENT
     out.tangent = vec4f(turned_on_land(plant, out.tangent.xyz), in.tangent.w);
     //#endif
@@ -212,6 +223,9 @@ struct Facing {
     //#if SHARES
     share: f32,
     //#endif
+    //#if STAND
+    lit: f32,
+    //#endif
     //#if TANGENT
     axes: Basis,
     //#endif
@@ -243,6 +257,9 @@ fn faced(in: Varying, front_facing: bool, across: vec3f) -> Facing {
     //#if SHARES
     facing.share = in.share;
     //#endif
+    //#if STAND
+    facing.lit = in.lit;
+    //#endif
     //#if TANGENT
     facing.axes = basis(in, mesh_normal);
     //#endif
@@ -259,6 +276,9 @@ fn sunlight(facing: Facing, world: vec3f) -> vec3f {
     //#if SHADOW
     let cosine = dot(frame.sun_direction.xyz, facing.flat_normal);
     seen = visibility(world, select(-facing.flat_normal, facing.flat_normal, cosine > 0.0), abs(cosine));
+    //#endif
+    //#if STAND
+    seen *= facing.lit;
     //#endif
     return seen * frame.sun_irradiance.rgb;
 }

@@ -20,8 +20,9 @@ struct StandDraw {
 // For each leaf its rows in the plant's frame, from the point of the section that carries it if one does. The last row
 // has that section (−1 for none) and the leaf's rank. Leaves stand in the order of their ranks.
 @group(3) @binding(1) var<storage, read> stand_leaves: array<array<vec4f, 4>>;
-// For each plant the rows from its frame to the world. The last row has the share of its leaves that is drawn, and how
-// many sections stand before those of its pose.
+// For each plant the rows from its frame to the world. The last row has the share of its leaves that is drawn, how
+// many sections stand before those of its pose, and the factors of the leaves' areas and of the sun's light
+// (`far`).
 @group(3) @binding(2) var<storage, read> stand_plants: array<array<vec4f, 4>>;
 
 fn plant_of(instance: u32) -> u32 {
@@ -33,7 +34,8 @@ fn in_pose(plant: u32, section: i32) -> i32 {
     return select(section + i32(stand_plants[plant][3].y), -1, section < 0);
 }
 
-// The leaf of an instance in its plant's frame, enlarged where fewer are drawn (`thin::enlarged` and `thin::larger`).
+// The leaf of an instance in its plant's frame, enlarged where fewer are drawn (`thinning::size` and
+// `thinning::larger`).
 fn leaf_of(instance: u32) -> Standing {
     let leaf = stand_leaves[instance % stand_draw.numbers.x];
     let plant = plant_of(instance);
@@ -41,7 +43,8 @@ fn leaf_of(instance: u32) -> Standing {
     var size = 1.0;
     if (kept < 1.0) {
         let fade = min(f32(FADE_PERCENT) / 100.0 * kept, 1.0 - kept);
-        size = sqrt(clamp((kept - leaf[3].y) / max(fade, 1e-6), 0.0, 1.0) / (kept - 0.5 * fade));
+        let own = clamp((kept - leaf[3].y) / max(fade, 1e-6), 0.0, 1.0);
+        size = sqrt(own * stand_plants[plant][3].z / (kept - 0.5 * fade));
     }
     let middle = stand_draw.middle.xyz;
     return Standing(

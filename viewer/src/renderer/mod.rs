@@ -13,6 +13,7 @@ mod targets;
 
 use crate::error::{Error, Result};
 use crate::extents::Extents;
+use crate::far::FarPlants;
 use crate::geometry::{Batch, MeshOnGpu, parallel_projection, view_projection};
 use crate::gpu::{AdapterInfo, Gpu};
 use crate::guard::Guard;
@@ -50,6 +51,7 @@ pub struct Renderer {
     samplers: Samplers,
     pipelines: Pipelines,
     tables: Tables,
+    far: FarPlants,
     tonemap: TonemapPass,
     loaded: Option<Loaded>,
     targets: Option<TargetSet>,
@@ -112,6 +114,7 @@ impl Renderer {
             samplers: Samplers::new(&gpu),
             pipelines: Pipelines::default(),
             tables: Tables::default(),
+            far: FarPlants::default(),
             tonemap: TonemapPass::new(&gpu),
             loaded: None,
             targets: None,
@@ -158,7 +161,7 @@ impl Renderer {
         let RenderStatistics { draws, shadow_renders, transfers, .. } = self.stats;
         let mut stats = RenderStatistics { draws, shadow_renders, transfers, ..RenderStatistics::default() };
         let points = bend::points(scene);
-        let mut batches = Batch::all(&self.gpu, scene, &points, &mut stats);
+        let mut batches = Batch::all(&self.gpu, scene, &points, &mut self.far, &mut stats);
         let choose = ChoosePass::new(&self.gpu, &mut batches, &mut stats);
         for batch in &mut batches {
             batch.own = MeshOnGpu::carried(&self.gpu, scene, &points, batch, &mut stats);
@@ -285,13 +288,14 @@ impl Renderer {
         };
         let follows = loaded.shadow.as_ref().filter(|shadow| shadow.follows_motion());
         let falls = follows.and_then(|_| Falls::new(seen, &loaded.sun?, loaded.extents.low));
+        let sun = loaded.sun.map(|sun| sun.direction.normalize());
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
             if batch.choice.is_none() {
-                batch.arrange(&self.gpu, &seen);
+                batch.arrange(&self.gpu, &seen, sun);
             }
             if loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn()) {
-                batch.cast(&self.gpu, texel, falls.as_ref());
+                batch.cast(&self.gpu, texel, sun.unwrap_or(Vec3::Z), falls.as_ref());
             }
             apart = apart.max(batch.apart(texel));
         }
@@ -350,17 +354,13 @@ impl Renderer {
                 &mut self.stats,
             );
         }
-        let (color, resolve) = match &targets.samples {
-            Some(samples) => (samples, Some(&targets.hdr_view)),
-            None => (&targets.hdr_view, None),
-        };
         loaded.main.draw(
             encoder,
             &self.pipelines,
             drawn,
             Targets {
-                color,
-                resolve,
+                color: targets.samples.as_ref().unwrap_or(&targets.hdr_view),
+                resolve: targets.samples.as_ref().map(|_| &targets.hdr_view),
                 depth: &targets.depth,
                 background: loaded.background,
                 sky: loaded.seen_sky.as_ref(),

@@ -50,7 +50,7 @@ impl Renderer {
         // moves.
         let seen = Seen::new(camera, [width, height], true);
         for batch in &mut loaded.batches {
-            batch.arrange(gpu, &seen);
+            batch.arrange(gpu, &seen, None);
         }
         let pass = match loaded.motion.take() {
             Some(pass) => pass,

@@ -9,6 +9,7 @@ mod common;
 mod detail;
 mod display;
 mod dome;
+mod far;
 mod follow;
 mod motion;
 mod needs;
