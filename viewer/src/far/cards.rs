@@ -9,6 +9,8 @@ use glam::{Mat3, Vec3};
 const HERDED: usize = 512;
 /// The largest number of leaves that are compared for this.
 const COMPARED: usize = 1 << 23;
+/// Turns by which the smallest rectangle is looked for.
+const TURNS: usize = 18;
 /// Moments of a leaf.
 const MOMENTS: usize = 30;
 
@@ -20,32 +22,62 @@ pub(super) struct Card {
     pub sides: [Vec3; 2],
     /// Out of its front.
     pub normal: Vec3,
+    /// Light that it sends back from its front and from its back, and what it lets through.
+    pub sends: [f32; 3],
 }
 
-/// The rectangle of a mesh's vector area, as long and as wide as its vertices are spread.
-pub(super) fn card(mesh: &Mesh, instance: &Instance) -> Card {
-    let p = |k: u32| mesh.positions[k as usize];
-    let area: Vec3 = mesh.indices.chunks_exact(3).map(|t| 0.5 * (p(t[1]) - p(t[0])).cross(p(t[2]) - p(t[0]))).sum();
-    let normal = area.normalize_or(Vec3::Z);
-    let (middle, _) = ball(&mesh.positions);
-    // The longest way from the middle, and the widest across it.
-    let flat = |p: &Vec3| (*p - middle).reject_from_normalized(normal);
-    let far = mesh.positions.iter().map(flat).max_by(|a, b| a.length().total_cmp(&b.length()));
-    let along = far.unwrap_or(Vec3::X).normalize_or(normal.any_orthonormal_vector());
-    let across = normal.cross(along);
-    let reach = |axis: Vec3| mesh.positions.iter().map(|p| flat(p).dot(axis).abs()).fold(1e-6, f32::max);
-    let (long, wide) = (reach(along), reach(across));
-    // Together they have the mesh's area.
-    let even = (0.25 * area.length() / (long * wide)).sqrt();
-    let m = Mat3::from_mat4(instance.transform);
-    Card {
-        middle: instance.transform.transform_point3(middle),
-        sides: [m * (even * long * along), m * (even * wide * across)],
-        normal: (m * normal).normalize_or(Vec3::Z),
+impl Card {
+    pub(super) fn area(&self) -> f32 {
+        4.0 * self.sides[0].cross(self.sides[1]).length()
+    }
+
+    /// The same where an instance of its mesh stands.
+    pub(super) fn placed(&self, instance: &Instance) -> Card {
+        let m = Mat3::from_mat4(instance.transform);
+        Card {
+            middle: instance.transform.transform_point3(self.middle),
+            sides: self.sides.map(|side| m * side),
+            normal: (m * self.normal).normalize_or(Vec3::Z),
+            sends: self.sends,
+        }
+    }
+
+    /// The sunlight that it sends towards a view.
+    pub(super) fn sent(&self, view: Vec3, sun: Vec3) -> f32 {
+        let (front, cosine) = (self.normal.dot(view) > 0.0, self.normal.dot(sun));
+        cosine.abs() * if (cosine > 0.0) == front { self.sends[usize::from(!front)] } else { self.sends[2] }
     }
 }
 
-/// What a side sends back and what its light lets through on the other side, the means over its maps (green).
+/// The smallest rectangle around a mesh along its vector area, made as large as that is.
+pub(super) fn rectangle(mesh: &Mesh, sends: [f32; 3]) -> Card {
+    let p = |k: u32| mesh.positions[k as usize];
+    let area: Vec3 = mesh.indices.chunks_exact(3).map(|t| 0.5 * (p(t[1]) - p(t[0])).cross(p(t[2]) - p(t[0]))).sum();
+    let normal = area.normalize_or(Vec3::Z);
+    let (first, second) = normal.any_orthonormal_pair();
+    let reach = |axis: Vec3| {
+        let along = mesh.positions.iter().map(|p| p.dot(axis));
+        along.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    };
+    let turned = |k: usize| {
+        let (sin, cos) = (std::f32::consts::FRAC_PI_2 * k as f32 / TURNS as f32).sin_cos();
+        let axes = [cos * first + sin * second, cos * second - sin * first];
+        (axes, axes.map(reach))
+    };
+    let size = |reach: &[[f32; 2]; 2]| reach.map(|[low, high]| 0.5 * (high - low).max(1e-6));
+    let smallest = (0..TURNS).map(turned).min_by(|a, b| {
+        let [a, b] = [&a.1, &b.1].map(|reach| size(reach).iter().product::<f32>());
+        a.total_cmp(&b)
+    });
+    let (axes, reach) = smallest.unwrap_or_else(|| turned(0));
+    let half = size(&reach);
+    let even = (0.25 * area.length() / (half[0] * half[1])).sqrt();
+    let middle = [0, 1].map(|k| 0.5 * (reach[k][0] + reach[k][1]) * axes[k]);
+    let high = ball(&mesh.positions).0.dot(normal) * normal;
+    Card { middle: middle[0] + middle[1] + high, sides: [0, 1].map(|k| even * half[k] * axes[k]), normal, sends }
+}
+
+/// What a side sends back and what it lets through to the other side, the means over its maps (green).
 pub(super) fn means(leaf: &LeafMaterial, side: Side) -> [f32; 2] {
     let maps = &leaf.sides[side];
     let mean = |values: &mut dyn Iterator<Item = f32>| {
@@ -70,11 +102,10 @@ pub(super) fn order(cards: &[Card]) -> Vec<f32> {
     let middle = cards.iter().map(|c| c.middle).sum::<Vec3>() / n.max(1) as f32;
     let reach = cards.iter().map(|c| c.middle.distance(middle)).fold(1e-3, f32::max);
     let mut moments: Vec<[f32; MOMENTS]> = cards.iter().map(|c| moments(c, (c.middle - middle) / reach)).collect();
-    let area = |c: &Card| c.sides[0].cross(c.sides[1]).length();
-    let mean_area = cards.iter().map(area).sum::<f32>() / n.max(1) as f32;
+    let mean_area = cards.iter().map(Card::area).sum::<f32>() / n.max(1) as f32;
     let mut mean = [0.0f32; MOMENTS];
     for (own, card) in moments.iter_mut().zip(cards) {
-        own.iter_mut().for_each(|m| *m *= area(card) / mean_area.max(1e-30));
+        own.iter_mut().for_each(|m| *m *= card.area() / mean_area.max(1e-30));
         mean.iter_mut().zip(&*own).for_each(|(sum, m)| *sum += m / n as f32);
     }
     // All moments count alike.

@@ -1,20 +1,32 @@
 //! What a plant of a stand lacks where fewer and larger leaves are drawn of it: from each side, how much larger they
 //! must be to cover as much as all leaves do, and how much more or less sunlight they must send. Both are found from
-//! the plant itself, once: its leaves are drawn on the CPU as rectangles, all of them and as many as a level keeps,
-//! from many directions and under many suns. Few coefficients for each level say the rest.
+//! the plant itself: its leaves are drawn on the CPU as rectangles, all of them and as many as are kept (`sketch`).
+//!
+//! What all leaves send is a smooth function of the directions of eye and sun, of which few coefficients are kept. What
+//! few leaves send is none, because they hide and shade each other in a pattern. So the pattern itself is kept: which
+//! patches of the drawn leaves are seen from a direction, and which are in the sun (`level`). Both are found where they
+//! are first asked for.
 //!
 //! Leaves that stay are those whose normals and places have the moments of all leaves (herding: Chen, Welling & Smola
 //! 2010, "Super-samples from kernel herding").
 
 mod cards;
+mod directions;
+mod level;
+mod sketch;
+#[cfg(test)]
+mod tests;
 
 use crate::extents::{StandBounds, scale_of};
 use crate::geometry::{BatchKey, ball};
 use crate::least_squares::solved;
 use crate::scene::{Instance, LeafMaterial, Mesh, Scene, Side};
 use crate::thinning::{FEWEST, MANY, WIDE, size};
-use cards::{Card, card, means, order};
+use cards::{Card, means, order, rectangle};
+use directions::{OnDirections, TERMS, spread, terms};
 use glam::Vec3;
+use level::Level;
+use sketch::{Crown, MOST, Sketch};
 use std::collections::{BTreeMap, HashMap};
 use std::hash::{Hash, Hasher};
 use std::sync::{Arc, OnceLock};
@@ -23,45 +35,40 @@ use std::sync::{Arc, OnceLock};
 /// proportion to the pixels that it covers, but never fewer than [`LAST`].
 const NARROW: f32 = 24.0;
 const LAST: f32 = 16.0;
-/// A plant of more leaves has no factors, because they would take long to find.
-const MOST: usize = 1 << 16;
-/// Directions of views and of suns, cells along a picture's side, and levels for a width of pixels and twice as much.
-const VIEWS: usize = 40;
-const SUNS: usize = 16;
-const CELLS: usize = 128;
-const STEPS: f32 = 1.0;
-/// Numbers of coefficients.
-const COVER: usize = 15;
-const SUN: usize = 81;
-/// The side of a picture over the diameter of the ball around the plant: enlarged leaves reach out of it.
-const WIDER: f32 = 1.3;
-/// A depth (in cells) by which a leaf may be behind another and still see the sun.
-const SAME: f32 = 0.02;
+/// Levels between a width of pixels and twice as much.
+const STEPS: f32 = 3.0;
+/// The lowest direction from which a plant is looked at, and numbers of directions, of which few coefficients are kept.
+const LOWEST: f32 = -0.6;
+const VIEWS: usize = 64;
+const SUNS: usize = 32;
+/// Limits of the factor of the sun's light.
+const LIGHT: [f32; 2] = [0.4, 2.5];
 
 /// All leaves of one mesh and material of a plant. They have no ranks before they belong to a plant.
 pub(crate) struct FarLeaves {
-    cards: Vec<Card>,
     /// Leaves with high ranks are left out first.
     pub ranks: Vec<f32>,
+    cards: Vec<Card>,
     /// Radius of the ball around a leaf, the mean over the leaves.
     radius: f32,
-    /// Light that a leaf sends back from its front and from its back, and what it lets through.
-    sends: [f32; 3],
 }
 
 /// A plant of a stand whose leaves may be thinned.
 pub(crate) struct FarPlant {
     pub leaves: Vec<FarLeaves>,
-    middle: Vec3,
-    reach: f32,
-    fit: OnceLock<Vec<FarLevel>>,
+    /// A ball around it.
+    around: (Vec3, f32),
+    patterns: OnceLock<Option<Patterns>>,
 }
 
-/// A width of pixels (mm, in the plant's frame), and how plants are corrected there.
-struct FarLevel {
-    width: f32,
-    cover: [f32; COVER],
-    sun: [f32; SUN],
+/// What is known of a plant's leaves, all of them and at each level.
+struct Patterns {
+    crown: Crown,
+    /// The cells that all leaves cover.
+    covered: OnDirections<f32>,
+    /// The sunlight that all leaves send, in that of cells.
+    sent: [f32; TERMS],
+    levels: Vec<Level>,
 }
 
 /// A plant whose leaves may be thinned, and the number of the kind of leaves in it.
@@ -78,10 +85,12 @@ impl FarPlants {
     /// The plant with these leaves in this ball, which is made where it is not known.
     pub(crate) fn plant(&mut self, leaves: Vec<FarLeaves>, around: (Vec3, f32)) -> Arc<FarPlant> {
         let mut hash = std::hash::DefaultHasher::new();
-        let numbers = |own: &FarLeaves| [own.sends[0], own.sends[1], own.sends[2], own.radius].map(f32::to_bits);
-        let bits = |card: &Card| [card.middle, card.sides[0], card.sides[1]].map(|v| v.to_array().map(f32::to_bits));
+        let bits = |card: &Card| {
+            let places = [card.middle, card.sides[0], card.sides[1]].map(|v| v.to_array().map(f32::to_bits));
+            (places, card.sends.map(f32::to_bits))
+        };
         for own in &leaves {
-            numbers(own).hash(&mut hash);
+            own.radius.to_bits().hash(&mut hash);
             own.cards.iter().for_each(|card| bits(card).hash(&mut hash));
         }
         if self.0.len() >= KNOWN {
@@ -128,237 +137,101 @@ impl FarLeaves {
     pub(crate) fn new(mesh: &Mesh, leaf: Option<&LeafMaterial>, instances: &[Instance]) -> FarLeaves {
         let squares: f32 = instances.iter().map(|i| scale_of(&i.transform).powi(2)).sum();
         let radius = ball(&mesh.positions).1 * (squares / instances.len().max(1) as f32).sqrt();
-        let cards: Vec<Card> = instances.iter().map(|instance| card(mesh, instance)).collect();
         let sends = leaf.map_or([1.0, 1.0, 0.0], |leaf| {
             let [front, back] = [Side::Front, Side::Back].map(|side| means(leaf, side));
             [front[0], back[0], 0.5 * (front[1] + back[1])]
         });
-        FarLeaves { ranks: Vec::new(), cards, radius, sends }
+        let own = rectangle(mesh, sends);
+        let cards = instances.iter().map(|instance| own.placed(instance)).collect();
+        FarLeaves { ranks: Vec::new(), cards, radius }
     }
 }
-
-/// Directions that are spread evenly over the ball down to this height.
-fn directions(count: usize, low: f32) -> Vec<Vec3> {
-    let one = |k: usize| {
-        let z = low + (1.0 - low) * (k as f32 + 0.5) / count as f32;
-        let (sin, cos) = (2.399_963_2 * k as f32).sin_cos();
-        let flat = (1.0 - z * z).sqrt();
-        Vec3::new(flat * cos, flat * sin, z)
-    };
-    (0..count).map(one).collect()
-}
-
-/// The axes of a picture: to the right, up, and to whom looks.
-fn axes(towards: Vec3) -> [Vec3; 3] {
-    let (x, y) = towards.any_orthonormal_pair();
-    [x, y, towards]
-}
-
-/// Polynomials of a direction, the even ones up to the fourth order.
-fn cover_terms(d: Vec3) -> [f32; COVER] {
-    let mut out = [0.0; COVER];
-    let mut n = 0;
-    for i in 0..=4 {
-        for j in 0..=4 - i {
-            out[n] = d.x.powi(i) * d.y.powi(j) * d.z.powi(4 - i - j);
-            n += 1;
-        }
-    }
-    out
-}
-
-/// Products of the polynomials up to the second order of both directions.
-fn sun_terms(view: Vec3, sun: Vec3) -> [f32; SUN] {
-    let of = |d: Vec3| {
-        let Vec3 { x, y, z } = d;
-        [1.0, x, y, z, x * y, y * z, z * x, x * x - y * y, 3.0 * z * z - 1.0]
-    };
-    let (view, sun) = (of(view), of(sun));
-    std::array::from_fn(|k| view[k / 9] * sun[k % 9])
-}
-
-/// What is seen in each cell of a picture: the kind and number of a leaf, and its depth.
-type Seen = Vec<Option<(u16, u32, f32)>>;
 
 impl FarPlant {
-    fn new(mut leaves: Vec<FarLeaves>, (middle, reach): (Vec3, f32)) -> FarPlant {
+    fn new(mut leaves: Vec<FarLeaves>, around: (Vec3, f32)) -> FarPlant {
         leaves.iter_mut().for_each(|own| own.ranks = order(&own.cards));
-        FarPlant { leaves, middle, reach, fit: OnceLock::new() }
+        FarPlant { leaves, around, patterns: OnceLock::new() }
     }
 
     /// The share of the leaves of a kind that is drawn where pixels have this width in the plant's frame.
     pub(crate) fn kept(&self, kind: usize, pixel: f32) -> f32 {
         let leaves = &self.leaves[kind];
-        kept(leaves.cards.len(), leaves.radius, self.reach, pixel)
+        kept(leaves.cards.len(), leaves.radius, self.around.1, pixel)
     }
 
     /// By how much the area of leaves and the sun's light are multiplied where pixels have this width in the plant's
     /// frame.
     pub(crate) fn factors(&self, pixel: f32, view: Vec3, sun: Option<Vec3>) -> [f32; 2] {
-        let count: usize = self.leaves.iter().map(|own| own.cards.len()).sum();
-        if count > MOST || (0..self.leaves.len()).all(|kind| self.kept(kind, pixel) >= 1.0) {
+        if (0..self.leaves.len()).all(|kind| self.kept(kind, pixel) >= 1.0) {
             return [1.0; 2];
         }
-        let levels = self.fit.get_or_init(|| self.fitted());
-        let next = levels.partition_point(|level| level.width < pixel);
-        let at = |level: Option<&FarLevel>| {
-            level.map_or([1.0; 2], |level| {
-                let cover: f32 = cover_terms(view).iter().zip(&level.cover).map(|(t, c)| t * c).sum();
-                let lit = |sun| sun_terms(view, sun).iter().zip(&level.sun).map(|(t, c)| t * c).sum::<f32>();
-                [cover, sun.map_or(0.0, lit)].map(|off| (1.0 + off).clamp(0.4, 2.5))
-            })
+        let Some(known) = self.patterns.get_or_init(|| self.patterns()) else { return [1.0; 2] };
+        let all = sun.map(|sun| known.sent(view, sun));
+        let at = |level: &Level| {
+            let (larger, sent) = level.seen(&known.crown, &known.covered, view, sun);
+            let lit = all.zip(sent).map_or(1.0, |(all, own)| all / own.max(1e-30));
+            [larger, lit.clamp(LIGHT[0], LIGHT[1])]
         };
-        let (Some(before), Some(after)) = (next.checked_sub(1).and_then(|k| levels.get(k)), levels.get(next)) else {
-            return at(levels.last().filter(|_| next > 0));
-        };
+        let next = known.levels.partition_point(|level| level.width < pixel);
+        let after = known.levels.get(next);
+        let Some(before) = next.checked_sub(1).and_then(|k| known.levels.get(k)) else { return [1.0; 2] };
+        let Some(after) = after else { return at(before) };
         let t = (pixel / before.width).ln() / (after.width / before.width).ln();
-        let (a, b) = (at(Some(before)), at(Some(after)));
+        let (a, b) = (if next == 1 { [1.0; 2] } else { at(before) }, at(after));
         [0, 1].map(|k| a[k] + t * (b[k] - a[k]))
     }
 
-    /// The leaves that are drawn with pixels of this width, with the factor of their size.
-    fn drawn(&self, pixel: f32) -> Vec<Vec<(u32, f32)>> {
-        let of = |kind: usize| {
+    /// The leaves that are drawn with pixels of this width, with the factor of their size, in the order of their ranks.
+    fn drawn(&self, pixel: f32) -> Vec<(u16, f32)> {
+        let mut out = Vec::new();
+        let mut first = 0;
+        for (kind, own) in self.leaves.iter().enumerate() {
             let kept = self.kept(kind, pixel);
-            let one = |(k, rank): (usize, &f32)| (k as u32, size(kept, *rank));
-            self.leaves[kind].ranks.iter().enumerate().map(one).filter(|(_, size)| *size > 0.0).collect()
-        };
-        (0..self.leaves.len()).map(of).collect()
-    }
-
-    /// A picture of these leaves, whose areas are multiplied by `larger`.
-    fn picture(&self, drawn: &[Vec<(u32, f32)>], larger: f32, [x, y, z]: [Vec3; 3]) -> Seen {
-        let mut out: Seen = vec![None; CELLS * CELLS];
-        let per_cell = CELLS as f32 / (2.0 * WIDER * self.reach);
-        for (kind, own) in drawn.iter().enumerate() {
-            for (k, size) in own {
-                let card = &self.leaves[kind].cards[*k as usize];
-                let from = card.middle - self.middle;
-                let flat = |p: Vec3| [p.dot(x) * per_cell, p.dot(y) * per_cell];
-                let [u, v] = card.sides.map(|side| side * (*size * larger.sqrt()));
-                let ([cx, cy], [ux, uy], [vx, vy]) = (flat(from), flat(u), flat(v));
-                let [cx, cy] = [cx, cy].map(|c| c + 0.5 * CELLS as f32);
-                let det = ux * vy - uy * vx;
-                if det.abs() < 1e-6 {
-                    continue;
-                }
-                let (depth, along, across) = (from.dot(z), u.dot(z) / det, v.dot(z) / det);
-                let range = |c: f32, r: f32| {
-                    let low = (c - r - 0.5).ceil().clamp(0.0, CELLS as f32) as usize;
-                    low..((c + r - 0.5).floor() + 1.0).clamp(0.0, CELLS as f32) as usize
-                };
-                for j in range(cy, uy.abs() + vy.abs()) {
-                    for i in range(cx, ux.abs() + vx.abs()) {
-                        let (dx, dy) = (i as f32 + 0.5 - cx, j as f32 + 0.5 - cy);
-                        let (s, t) = (dx * vy - dy * vx, ux * dy - uy * dx);
-                        if s.abs() <= det.abs() && t.abs() <= det.abs() {
-                            let at = depth + s * along + t * across;
-                            let cell = &mut out[j * CELLS + i];
-                            if cell.is_none_or(|(.., before)| before < at) {
-                                *cell = Some((kind as u16, *k, at));
-                            }
-                        }
-                    }
-                }
-            }
+            let one = |(k, rank): (usize, &f32)| ((first + k) as u16, size(kept, *rank), *rank);
+            out.extend(own.ranks.iter().enumerate().map(one).filter(|(_, size, _)| *size > 0.0));
+            first += own.ranks.len();
         }
-        out
+        out.sort_by(|a, b| a.2.total_cmp(&b.2));
+        out.into_iter().map(|(k, size, _)| (k, size)).collect()
     }
 
-    /// The light that a picture shows under each of the suns, in which `casting` are all leaves as the suns see them.
-    fn light(&self, seen: &Seen, [x, y, z]: [Vec3; 3], casting: &[(Vec3, Seen)]) -> [f32; SUNS] {
-        let cell = 2.0 * WIDER * self.reach / CELLS as f32;
-        let mut out = [0.0; SUNS];
-        for (number, found) in seen.iter().enumerate() {
-            let Some((kind, k, depth)) = found else { continue };
-            let at = |n: usize| (n as f32 + 0.5 - 0.5 * CELLS as f32) * cell;
-            let place = at(number % CELLS) * x + at(number / CELLS) * y + *depth * z;
-            let leaves = &self.leaves[*kind as usize];
-            let normal = leaves.cards[*k as usize].normal;
-            let front = normal.dot(z) > 0.0;
-            for ((sun, shade), out) in casting.iter().zip(&mut out) {
-                let [sx, sy, sz] = axes(*sun);
-                let to = |axis: Vec3| place.dot(axis) / cell + 0.5 * CELLS as f32;
-                let [i, j] = [to(sx), to(sy)];
-                let inside = i >= 0.0 && j >= 0.0 && i < CELLS as f32 && j < CELLS as f32;
-                let first = inside.then(|| shade[j as usize * CELLS + i as usize]).flatten();
-                let lit = first.is_none_or(|(kind, caster, _)| {
-                    let card = &self.leaves[kind as usize].cards[caster as usize];
-                    // The depth of the caster's plane at the place.
-                    let steep = card.normal.dot(sz);
-                    let above = (card.middle - self.middle - place).dot(card.normal) / steep;
-                    above <= SAME * cell || steep.abs() < 0.02
-                });
-                if lit {
-                    let cosine = normal.dot(*sun);
-                    let sends =
-                        if (cosine > 0.0) != front { leaves.sends[2] } else { leaves.sends[usize::from(!front)] };
-                    *out += cosine.abs() * sends;
-                }
-            }
+    /// What is known of this plant, if its leaves are not too many.
+    fn patterns(&self) -> Option<Patterns> {
+        let cards: Vec<Card> = self.leaves.iter().flat_map(|own| own.cards.iter().copied()).collect();
+        if cards.len() > MOST {
+            return None;
         }
-        out
-    }
-
-    /// The levels, from the first at which leaves are left out to the last that differs.
-    fn fitted(&self) -> Vec<FarLevel> {
-        let views = directions(VIEWS, -0.6);
-        let all: Vec<Vec<(u32, f32)>> =
-            self.leaves.iter().map(|own| (0..own.cards.len() as u32).map(|k| (k, 1.0)).collect()).collect();
-        let casting: Vec<(Vec3, Seen)> =
-            directions(SUNS, 0.0).into_iter().map(|sun| (sun, self.picture(&all, 1.0, axes(sun)))).collect();
-        let covered = |seen: &Seen| seen.iter().flatten().count().max(1) as f32;
-        let full: Vec<(f32, [f32; SUNS])> = views
-            .iter()
-            .map(|view| {
-                let seen = self.picture(&all, 1.0, axes(*view));
-                (covered(&seen), self.light(&seen, axes(*view), &casting))
-            })
-            .collect();
-        let level = |width: f32| {
-            let drawn = self.drawn(width);
-            let larger: Vec<f32> = views
-                .iter()
-                .zip(&full)
-                .map(|(view, (wanted, _))| {
-                    let found = |larger: f32| covered(&self.picture(&drawn, larger, axes(*view)));
-                    // A step by the rule that half of any more area is hidden, and one through both.
-                    let first = found(1.0);
-                    let off = (wanted / first).ln();
-                    if off.abs() < 2e-3 {
-                        return (2.0 * off).exp();
-                    }
-                    let slope = (found((2.0 * off).exp()) / first).ln() / (2.0 * off);
-                    (off / slope.clamp(0.2, 1.0)).exp()
-                })
-                .collect();
-            let cover = solved(views.iter().zip(&larger).map(|(view, a)| (cover_terms(*view), a - 1.0, 1.0)));
-            let mut samples = Vec::new();
-            for (view, (_, wanted)) in views.iter().zip(&full) {
-                let larger = 1.0 + cover_terms(*view).iter().zip(&cover).map(|(t, c)| t * c).sum::<f32>();
-                let seen = self.picture(&drawn, larger.clamp(0.4, 2.5), axes(*view));
-                let found = self.light(&seen, axes(*view), &casting);
-                for (((sun, _), wanted), found) in casting.iter().zip(wanted).zip(found) {
-                    if *wanted > 0.0 && found > 0.0 {
-                        samples.push((sun_terms(*view, *sun), wanted / found - 1.0, found / wanted));
-                    }
-                }
-            }
-            FarLevel { width, cover, sun: solved(samples.into_iter()) }
+        let crown = Crown::new(cards, self.around);
+        let all = crown.all();
+        let suns = spread(SUNS, 0.0);
+        let casting: Vec<Sketch> = suns.iter().map(|sun| crown.sketch(&all, 1.0, *sun)).collect();
+        let sample = |view: Vec3| {
+            let sketch = crown.sketch(&all, 1.0, view);
+            let one = |(sun, sent): (&Vec3, f32)| (terms(view, *sun), sent * sketch.covered());
+            suns.iter().zip(crown.light(&sketch, &casting)).map(one).collect::<Vec<_>>()
         };
+        let sent = solved(spread(VIEWS, LOWEST).into_iter().flat_map(sample));
         // Widths at which something changes: until the kinds keep the fewest of their leaves.
-        let widest = self.leaves.iter().map(|own| 2.0 * own.radius / WIDE).fold(0.0, f32::max);
-        let first = self.leaves.iter().map(|own| 2.0 * own.radius / WIDE).fold(widest, f32::min);
-        let mut out = vec![FarLevel { width: first, cover: [0.0; COVER], sun: [0.0; SUN] }];
-        for k in 1..64 {
+        let widths = || self.leaves.iter().map(|own| 2.0 * own.radius / WIDE);
+        let (first, widest) = (widths().fold(f32::INFINITY, f32::min), widths().fold(0.0, f32::max));
+        let least = |kind: usize| (LAST / self.leaves[kind].cards.len() as f32).min(1.0);
+        let mut levels = Vec::new();
+        for k in 0..(24.0 * STEPS) as u32 {
             let width = first * (k as f32 / STEPS).exp2();
-            let least = |own: &FarLeaves| (LAST / own.cards.len() as f32).min(1.0);
-            let fewest = |kind: usize| self.kept(kind, 0.5 * width) <= least(&self.leaves[kind]);
-            if width > 2.0 * widest && (0..self.leaves.len()).all(fewest) {
+            levels.push(Level::new(width, self.drawn(width)));
+            if width > widest && (0..self.leaves.len()).all(|kind| self.kept(kind, width) <= least(kind)) {
                 break;
             }
-            out.push(level(width));
         }
-        out
+        Some(Patterns { crown, covered: OnDirections::new(), sent, levels })
+    }
+}
+
+impl Patterns {
+    /// The sunlight that all leaves send for the area that they cover.
+    fn sent(&self, view: Vec3, sun: Vec3) -> f32 {
+        let sent: f32 = terms(view, sun).iter().zip(&self.sent).map(|(t, c)| t * c).sum();
+        let around = self.covered.around(view, |d| self.crown.covered(d));
+        sent.max(0.0) / around.iter().map(|(covered, share)| **covered * share).sum::<f32>()
     }
 }

@@ -193,7 +193,7 @@ fn scanned(place: Place, facing: Facing, world: vec3f) -> vec3f {
 fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     var out: Pixel;
     // Derivatives must be taken before the outline discards anything.
-    let across = cross(dpdx(in.world), dpdy(in.world));
+    let across = cross(dpdx(world_of(in)), dpdy(world_of(in)));
     //#if TRANSFER
     // Distance between neighbouring pixels in anchors. The smaller of the two counts, which on a leaf seen edge-on is
     // that along the leaf.
@@ -230,9 +230,9 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> Pixel {
     //#endif
     let place = Place(in.uv, vec2f(1.0 - in.uv.x, in.uv.y), dx, dy);
     let facing = faced(in, front_facing, across);
-    radiance = shade(place, facing, in.world);
+    radiance = shade(place, facing, world_of(in));
     //#if SCANNER
-    radiance += scanned(place, facing, in.world);
+    radiance += scanned(place, facing, world_of(in));
     //#endif
     //#endif
     out.radiance = held(radiance);

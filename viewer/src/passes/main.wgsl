@@ -86,7 +86,10 @@ struct Varying {
     @builtin(position) position: vec4f,
     //#if STAND
     // Leaves of far plants are smaller than a pixel, whose centre then lies beside them. They are lit where they are.
-    @location(0) @interpolate(perspective, centroid) world: vec3f,
+    // What is interpolated there may be rounded by a thousand times as much as anywhere else. So places are counted
+    // from the leaf's own.
+    @location(0) @interpolate(perspective, centroid) beside: vec3f,
+    @location(8) @interpolate(flat) own: vec3f,
     @location(1) @interpolate(perspective, centroid) normal: vec3f,
     //#else
     @location(0) world: vec3f,
@@ -116,6 +119,15 @@ struct Varying {
     //#if STAND
     // The factor of the sun's light (`far`).
     @location(7) @interpolate(flat) lit: f32,
+    //#endif
+}
+
+// The place in the world.
+fn world_of(in: Varying) -> vec3f {
+    //#if STAND
+    return in.own + in.beside;
+    //#else
+    return in.world;
     //#endif
 }
 
@@ -154,10 +166,10 @@ fn vertex(in: Vertex) -> Varying {
     var out: Varying;
     let at = standing(in);
     //#if OWN
-    out.world = in.position.xyz;
+    var world = in.position.xyz;
     //#else
     let p = vec4f(in.position, 1.0);
-    out.world = vec3f(dot(at.x, p), dot(at.y, p), dot(at.z, p));
+    var world = vec3f(dot(at.x, p), dot(at.y, p), dot(at.z, p));
     //#endif
     // The scale is uniform. So normals turn like directions; the fragment stage normalises them.
     out.normal = turned(at, in.normal);
@@ -169,11 +181,11 @@ fn vertex(in: Vertex) -> Varying {
     //#endif
     //#if BEND
     //#if TANGENT
-    let swung = bent(at.ride, out.world, out.normal, out.tangent.xyz);
+    let swung = bent(at.ride, world, out.normal, out.tangent.xyz);
     //#else
-    let swung = bent(at.ride, out.world, out.normal, vec3f(0.0));
+    let swung = bent(at.ride, world, out.normal, vec3f(0.0));
     //#endif
-    out.world = swung.position;
+    world = swung.position;
     //#if TURN
     out.normal = swung.normal;
     //#if TANGENT
@@ -183,12 +195,17 @@ fn vertex(in: Vertex) -> Varying {
     //#endif
     //#if STAND
     let plant = plant_of(in.instance);
-    out.world = on_land(plant, out.world);
+    world = on_land(plant, world);
+    out.own = on_land(plant, vec3f(at.x.w, at.y.w, at.z.w));
+    out.beside = world - out.own;
     out.normal = turned_on_land(plant, out.normal);
     out.lit = stand_plants[plant][3].w;
     //#if TANGENT
     out.tangent = vec4f(turned_on_land(plant, out.tangent.xyz), in.tangent.w);
     //#endif
+    //#endif
+    //#if !STAND
+    out.world = world;
     //#endif
     //#if TRANSFER
     //#if LEAF
@@ -202,7 +219,7 @@ fn vertex(in: Vertex) -> Varying {
     let number = in.begin.y + in.number;
     out.share = f32((sun_shares[number >> 2u] >> (8u * (number & 3u))) & 255u) / 255.0;
     //#endif
-    out.position = frame.view_projection * vec4f(out.world, 1.0);
+    out.position = frame.view_projection * vec4f(world, 1.0);
     return out;
 }
 
@@ -232,7 +249,7 @@ struct Facing {
 }
 
 fn faced(in: Varying, front_facing: bool, across: vec3f) -> Facing {
-    let view = normalize(frame.eye.xyz - frame.eye.w * in.world);
+    let view = normalize(frame.eye.xyz - frame.eye.w * world_of(in));
     //#if TRANSFER
     // `across` is a normal of the triangle, on either of its sides. The triangle decides which side is seen and lit, as
     // in the path tracer: where light goes from leaf to leaf, none may pass through a blade unnoticed. An interpolated

@@ -19,10 +19,10 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> @location
     //#if LIT
     var albedo = opaque.albedo;
     //#if PATTERN
-    let place = (in.world.xy - opaque.tile.xy) * opaque.tile.zw;
+    let place = (world_of(in).xy - opaque.tile.xy) * opaque.tile.zw;
     albedo = textureSample(pattern, tiles, vec2f(place.x, 1.0 - place.y));
     //#endif
-    let across = cross(dpdx(in.world), dpdy(in.world));
+    let across = cross(dpdx(world_of(in)), dpdy(world_of(in)));
     let facing = faced(in, front_facing, across);
     if (facing.front) {
         let normal = facing.towards_viewer;
@@ -40,11 +40,11 @@ fn fragment(in: Varying, @builtin(front_facing) front_facing: bool) -> @location
         //#if SUN
         let cosine = dot(normal, frame.sun_direction.xyz);
         if (cosine > 0.0) {
-            radiance += sunlight(facing, in.world) * cosine * albedo.rgb * 0.318309886;
+            radiance += sunlight(facing, world_of(in)) * cosine * albedo.rgb * 0.318309886;
         }
         //#endif
         //#if SCANNER
-        radiance += under_tube(Scanned(normal, albedo.rgb), facing.view, in.world);
+        radiance += under_tube(Scanned(normal, albedo.rgb), facing.view, world_of(in));
         //#endif
     }
     //#endif

@@ -133,6 +133,44 @@ fn plants_of_a_stand_look_as_one_by_one() {
     }
 }
 
+/// 250 m from the origin places are rounded to a 64th of a millimetre, less than a fiftieth of a pixel here.
+#[test]
+fn plants_far_from_the_origin_look_as_one_by_one() {
+    let Some(mut renderer) = renderer() else { return };
+    let origin = 2.5e5 * Vec3::X;
+    let place = |k: usize| {
+        let at = origin + 60.0 * Vec3::new((k % 6) as f32 - 2.5, (k / 6) as f32 - 2.5, 0.0);
+        StandPlace { transform: Mat4::from_rotation_translation(Quat::from_rotation_z(2.4 * k as f32), at), pose: 0 }
+    };
+    let leaf = |k: usize| {
+        let turn = Quat::from_rotation_z(2.4 * k as f32) * Quat::from_rotation_y(0.2 + 0.01 * k as f32);
+        Mat4::from_rotation_translation(turn, turn * Vec3::X * 12.0 + 0.25 * k as f32 * Vec3::Z)
+    };
+    let places: Vec<StandPlace> = (0..36).map(place).collect();
+    let mut draw = |stand: bool| {
+        let mut scene = scene_of(uniform_leaf());
+        scene.meshes = vec![square(5.0)];
+        (scene.sun, scene.sky, scene.msaa) = (Some(sun(Vec3::new(0.48, -0.6, 0.64))), Some([1.0; 3]), 4);
+        let one = scene.instances[0];
+        if stand {
+            scene.instances = (0..40).map(|k| Instance { transform: leaf(k), stand: Some(0), ..one }).collect();
+            scene.stands = vec![Arc::new(PlantStand { places: places.clone(), first: 0, sections: 0, poses: 1 })];
+        } else {
+            let all = places.iter().flat_map(|place| (0..40).map(|k| place.transform * leaf(k)));
+            scene.instances = all.map(|transform| Instance { transform, ..one }).collect();
+        }
+        renderer.set_scene(&scene).unwrap();
+        let target = origin + 40.0 * Vec3::Z;
+        let eye = target - 300.0 * Vec3::new(0.1, 1.0, -0.2).normalize();
+        renderer.render(&Camera { eye, target, up: Vec3::Z, fov_y_deg: 40.0 }, 320, 240).unwrap()
+    };
+    let (stand, alone) = (draw(true), draw(false));
+    let covered = alone.hdr.iter().filter(|p| p[3] > 0.0).count();
+    let (_, share) = apart(&stand, &alone);
+    println!("{covered} pixels are covered, {share:.5} of all differ");
+    assert!(covered > 5000 && share < 1e-3, "{covered} {share}");
+}
+
 /// Vectors of a plant that moves are those of the same leaves one by one.
 #[test]
 fn plants_of_a_stand_have_motion_vectors() {
