@@ -3,12 +3,13 @@
 //! No path can be differentiated by the number of leaves that it might meet. So the derivative is a difference of two
 //! canopies, with a few discs less and with a few more, by paths with the same random numbers; every disc of the one
 //! stands in the other too. The difference is central; at the limits of the area it is one-sided. For a reflectance
-//! that nears its limit as exp(−k · area), its bias is (STEP · k)² / 6 of the derivative, or STEP · k / 2 at the limits.
-//! That changes a standard error by as much, and not where the search ends.
+//! that nears its limit as exp(−k · area), its bias is (STEP · k)² / 6 of the derivative, or STEP · k / 2 at the
+//! limits. That changes a standard error by as much, and not where the search ends.
 //!
 //! Which discs these are is drawn by the fit's seed, and is the same for all steps. With one draw, what is shown would
 //! change with the area disc by disc, now by a high one and now by one in the dark; so it is the mean over several
-//! draws. Which discs really are gone, and where others stand, nobody knows; [`crate::scatter`] finds what that changes.
+//! draws. Which discs really are gone, and where others stand, nobody knows; [`crate::scatter`] finds what that
+//! changes.
 
 use crate::quantity::{UnknownKind, UnknownQuantity};
 use crate::unknowns::SceneUnknowns;

@@ -50,8 +50,8 @@ impl Judged {
         out
     }
 
-    /// The same where a share of all variances is of a kind that readings have in common: the sum of n residuals has the
-    /// variance n + n (n − 1) times the share.
+    /// The same where a share of all variances is of a kind that readings have in common: the sum of n residuals has
+    /// the variance n + n (n − 1) times the share.
     fn shared(self, share: f64) -> Judged {
         let each = self.readings as f64 / self.blocks.max(1) as f64;
         Judged { blocks_chi2: self.blocks_chi2 / (1.0 + (each - 1.0).max(0.0) * share), ..self }

@@ -117,8 +117,8 @@ impl<'a> LitScene<'a> {
     }
 }
 
-/// Pictures of the shots that `wanted` chooses, from rounds of `each` paths a pixel (all draws of discs together), with derivatives where they are
-/// asked for: as the first or as the second of the two that have them.
+/// Pictures of the shots that `wanted` chooses, from rounds of `each` paths a pixel (all draws of discs together), with
+/// derivatives where they are asked for: as the first or as the second of the two that have them.
 pub fn draw(
     lit: &[LitScene],
     shots: &[ScenePhotograph],
