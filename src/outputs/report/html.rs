@@ -89,7 +89,7 @@ fn fit(f: &FitReport) -> Value {
         word => f.verdict.level.word(),
         kind_words => f.kind.words(),
         coloured => lines.iter().any(|l| l.cells.len() == 3),
-        rule => if f.parameters.iter().any(|p| p.undetermined.is_some()) { lines::RULE } else { "" },
+        rule => if f.parameters.iter().any(|p| p.undetermined.is_some()) { lines::rule(f.kind) } else { String::new() },
         caliper => if f.parameters.iter().any(|p| p.stderr_caliper.is_some()) { lines::CALIPER } else { "" },
         parameters => Serde(lines),
         sections,

@@ -5,6 +5,7 @@ use crate::figure::{self, ReportFigure, words};
 use crate::model::{FitReport, ParameterDifference, ParameterRow, TimesReport};
 use crate::number::{percent, plain, plus_minus, significant};
 use crate::quantity::{channel_word, parameter};
+use mesophyll_fits::record::FitKind;
 use mesophyll_fits::translucency::judge::NAMES;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -33,10 +34,20 @@ pub struct ReportCell {
     pub undetermined: bool,
 }
 
-/// The rule for undetermined values, shown where a table has one.
-pub const RULE: &str = "A value is called determined when its standard error is at most 10 % of it. An undetermined \
- value is shown with its best estimate: \
-                        do not rely on more of it than its error or its bound allows.";
+/// The rule for undetermined values of a fit, shown where a table has one.
+pub(crate) fn rule(kind: FitKind) -> String {
+    let rule = match kind {
+        FitKind::Scene => {
+            "A reflectance is called determined when its standard error is at most 0.25, another number when it is at \
+             most a quarter of it; a small absorption, when it is at most all of it."
+        }
+        _ => "A value is called determined when its standard error is at most 10 % of it.",
+    };
+    format!(
+        "{rule} An undetermined value is shown with its best estimate: do not rely on more of it than its error or its \
+         bound allows."
+    )
+}
 
 /// The explanation of the caliper's share of an error, shown where a table has one.
 pub(crate) const CALIPER: &str = "Thickness is measured by a caliper, and σa and σs are inversely proportional to it: \

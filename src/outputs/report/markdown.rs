@@ -95,7 +95,8 @@ fn fit(out: &mut String, f: &FitReport) {
         table(out, &["side", "parameter", "what it is", "channel", "value ± standard error", "unit"], rows);
         let undetermined = f.parameters.iter().any(|p| p.undetermined.is_some());
         let shared = f.parameters.iter().any(|p| p.stderr_caliper.is_some());
-        for (_, text) in [(undetermined, lines::RULE), (shared, lines::CALIPER)].iter().filter(|(met, _)| *met) {
+        let rule = lines::rule(f.kind);
+        for (_, text) in [(undetermined, &*rule), (shared, lines::CALIPER)].iter().filter(|(met, _)| *met) {
             let _ = writeln!(out, "\n{text}");
         }
     }
