@@ -2,10 +2,10 @@
 //! are made only on request, and no other pass depends on them.
 
 use crate::gpu::Gpu;
-use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass, Ride};
 use crate::passes::main::{Drawing, Drawn, drawing, vertex_state};
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
+use crate::samplers::Samplers;
 use crate::scene::{Scene, SectionAnimation, WindState};
 use crate::shader::{Defines, assemble};
 use crate::stand;

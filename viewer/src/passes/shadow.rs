@@ -4,12 +4,12 @@
 //! when the sun or the geometry changes.
 
 use crate::gpu::Gpu;
-use crate::material::Samplers;
 use crate::passes::bend::{self, BendPass, Ride};
 use crate::passes::disk::disk_directions;
 use crate::passes::fit::FitPass;
 use crate::passes::main::Drawn;
 use crate::passes::outline::{OUTLINE, mask_group, mask_layout};
+use crate::samplers::Samplers;
 use crate::scene::{Scene, Sun};
 use crate::shader::{Defines, assemble};
 use crate::stand;
