@@ -7,10 +7,11 @@
 Mitsuba draws the measured picture itself, from the true numbers and with the same noise, so that nothing that the two
 programs draw differently counts as an error. Leaves are sheets with a reflectance on each side and a transmittance,
 as a BSDF in Python. Losses are weighted by the noise, and the rate of Adam falls with time, which helps it. Both
-programs fit the twelve numbers on all processors: the script prints {"turn": "scene"}, reads Mesophyll's time (us) from
-standard input, which was measured right before the script started, and then goes on with Mitsuba until its error is Mesophyll's target or LIMIT times Mesophyll's time is
-over. Error = root mean square, over the numbers, of what they are off by, over their true values. Needs mitsuba (3.9)
-and LLVM 19. Says what is missing.
+programs fit the twelve numbers on all processors, and times are the sums of all processors: the script prints
+{"turn": "scene"}, reads Mesophyll's time (us) from standard input, which was measured right before the script started,
+and then goes on with Mitsuba until its error is Mesophyll's target or LIMIT times Mesophyll's time is over. Error = root
+mean square, over the numbers, of what they are off by, over their true values. Needs mitsuba (3.9) and LLVM 19. Says
+what is missing.
 """
 import json
 import math
@@ -174,7 +175,7 @@ for key in keys.values():
 parameters.update(optimiser)
 before, spent, best, reached = error(), 0.0, math.inf, None
 for step in range(STEPS):
-    clock = time.perf_counter()
+    clock = time.process_time()
     optimiser.set_learning_rate(RATE * (LAST / RATE) ** (step / STEPS))
     seen = mi.render(drawn, parameters, seed=step + 1, spp=SAMPLES)
     loss = dr.mean(weight * dr.square(seen - measured), axis=None)
@@ -184,7 +185,7 @@ for step in range(STEPS):
         optimiser[key] = dr.clip(optimiser[key], 0.0, 1.0)
     parameters.update(optimiser)
     now = error()
-    spent += time.perf_counter() - clock
+    spent += time.process_time() - clock
     best = min(best, now)
     if now <= said["target"]:
         reached = step + 1
@@ -195,10 +196,10 @@ size = f"{said['size'][0]} x {said['size'][1]} pixels"
 if reached:
     note = f"{reached} steps of {SAMPLES} paths a pixel, {size}, from an error of {before:.2f}"
     if ours == ours:
-        note += f"; {spent * 1e6 / ours:.1f} times Mesophyll's time in this run"
+        note += f"; {spent * 1e6 / ours:.1f} times Mesophyll's processor time in this run"
 else:
     note = f"target of {said['target']:.3f} not reached in {step + 1} steps of {SAMPLES} paths a pixel, {size}"
     note += f"; at best {best:.4f}"
     if ours == ours:
-        note += f"; {spent * 1e6 / ours:.1f} times Mesophyll's time in this run are over"
+        note += f"; {spent * 1e6 / ours:.1f} times Mesophyll's processor time in this run are over"
 print(json.dumps({"peer": f"Mitsuba {mi.__version__} prb, Adam", "error": now, "us": spent * 1e6, "note": note}))
