@@ -21,6 +21,10 @@ const LEFT_OUT: &[(&str, &str)] = &[
     ("make web", "it builds an optimised module, for which Rust's target for browsers is needed: minutes"),
     ("make wheel", "it builds an optimised module: minutes"),
     ("make gallery", "large pictures are traced: an hour"),
+    (
+        "mesophyll render data/gallery/close.toml --real-time -o out/gallery-real-time",
+        "its leaf is scanned with 640 x 480 texels without optimisation: minutes",
+    ),
     ("cargo build --release", "it builds an optimised program: minutes"),
     ("cargo build --release --no-default-features", "it builds an optimised program: minutes"),
     (
