@@ -39,8 +39,8 @@ use std::path::PathBuf;
 
 Leaves with reflectances have rho_d, rho_t, rho_s, m (factors on maps, where they have maps); slabs and fitted leaves
 sigma_a, sigma_s, thickness_mm, rho_s, m; leaves of layers chlorophyll, carotenoid, protein, cellulose_lignin, water, or
-absorption. Where brf.file has wavelengths, leaves have rho_d and rho_t at each, and what is found is written as
-spectra.
+absorption. Leaves of discs also have area: that of all discs, from 0.2 to 2 times what the scene states. Where brf.file
+has wavelengths, leaves have rho_d and rho_t at each, and what is found is written as spectra.
 
 Exit code 1 when the pictures are not explained: by geometry, a camera or a light that is not as stated.")]
 pub struct Args {

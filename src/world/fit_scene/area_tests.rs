@@ -187,6 +187,9 @@ fn an_area_that_cannot_be_found_is_refused() {
     };
     let few = canopy(folder.path(), &anywhere(1, 9), SOIL, &tables(0.01));
     refused(Ok(few), "unknown.leaves.a: found \"area\" of a list of 9 discs, expected at least 10");
+    let sure = canopy(folder.path(), &anywhere(1, 20), SOIL, &tables(0.01));
+    let error = design::plan(&sure, &Default::default(), &Ledger::new()).err().unwrap().to_string();
+    assert!(error.contains("unknown.leaves.a: found \"area\", whose error is mostly"), "{error}");
     let sure = canopy(folder.path(), &anywhere(1, 20), SOIL, &tables(0.01).replace("\"area\"", "\"areas\""));
     refused(Ok(sure), "unknown.leaves.a: found \"areas\", expected some of rho_d");
     let picture = "[[picture]]\nview = \"across\"\nfile = \"across.exr\"\nnoise = 0.01\n";

@@ -23,6 +23,7 @@ use mesophyll_base::selection::{DesignAim, DesignChoice, DesignParameter, Design
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_scene::draw::reference;
 use mesophyll_scene::loaded::LoadedScene;
+use mesophyll_scene::manifest::AREA;
 use mesophyll_scene::placed::ledger::Ledger;
 
 /// What is planned for.
@@ -92,6 +93,14 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
         let what = "its tables have wavelengths; expected those of three channels, which pictures have too";
         return Err(Error::field(&manifest.path, "brf", what));
     }
+    let asked = manifest.unknown.as_ref().map(|unknown| &unknown.leaves);
+    if let Some((name, _)) = asked.into_iter().flatten().find(|(_, numbers)| numbers.iter().any(|n| n == AREA)) {
+        let what = format!(
+            "found \"{AREA}\", whose error is mostly due to where discs stand, and no picture makes that smaller; \
+             expected a plan for other numbers"
+        );
+        return Err(Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what));
+    }
     let there = manifest.taken.iter().any(|p| !p.held_out) || manifest.factors.iter().any(|f| !f.held_out);
     let mut shots = if there { photographs::read(manifest, None)? } else { Vec::new() };
     shots.retain(is_fitted);
@@ -102,7 +111,6 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
     groups.sort();
     groups.dedup();
     let mut numbers = SceneUnknowns::new(scene, world, &groups, None, ledger)?;
-    numbers.seed = options.seed;
     let noise = noise(&shots, options);
     let size = shots.iter().find(|s| matches!(s.by, photographs::ReadingKind::Camera(_))).map(|s| s.size);
     let size = size.unwrap_or([manifest.check.width, manifest.check.height].map(|n| n as usize));
@@ -120,7 +128,7 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
         let values = drawn(&numbers, &stated, options.range, draw);
         numbers.set(&values);
         let all: Vec<ScenePhotograph> = planned.iter().map(|p| p.shot.clone()).collect();
-        let worlds = LitWorld::all(&numbers, &all, 0..numbers.draws(), true)?;
+        let worlds = LitWorld::all(&numbers, &all, 0..1, true)?;
         let lit = LitScene::all(&numbers, &worlds)?;
         let seed = options.seed.wrapping_add(1 + 3 * draw as u64);
         let rows = (0..planned.len()).map(|k| {
