@@ -9,9 +9,9 @@ programs draw differently counts as an error. Leaves are sheets with a reflectan
 as a BSDF in Python. Losses are weighted by the noise, and the rate of Adam falls with time, which helps it. Both
 programs fit the twelve numbers on all processors, and times are the sums of all processors: the script prints
 {"turn": "scene"}, reads Mesophyll's time (us) from standard input, which was measured right before the script started,
-and then goes on with Mitsuba until its error is Mesophyll's target or LIMIT times Mesophyll's time is over. Error = root
-mean square, over the numbers, of what they are off by, over their true values. Needs mitsuba (3.9) and LLVM 19. Says
-what is missing.
+and then goes on with Mitsuba until its error is Mesophyll's target or LIMIT times Mesophyll's time is over. Error =
+root mean square, over the numbers, of what they are off by, over their true values. Needs mitsuba (3.9) and LLVM 19.
+Says what is missing.
 """
 import json
 import math

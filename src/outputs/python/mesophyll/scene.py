@@ -313,9 +313,9 @@ def fluxes(
     _, found, notes = _command.printed(["eval", "canopy", scene], options | {"fluxes": True}, progress)
     if bands is None:
         return Result({**found, "status": "ok"}, notes=notes, record=found)
-    columns = {name: np.array([row[name] for row in found], dtype=float) for name in found[0]}
-    status = np.array(["ok"] * len(found), dtype=object)
-    return Result({**columns, "status": status}, given=["wavelength_nm"], notes=notes, record=found)
+    columns: dict[str, Any] = {name: np.array([row[name] for row in found], dtype=float) for name in found[0]}
+    columns["status"] = np.full(len(found), "ok", dtype=object)
+    return Result(columns, given=["wavelength_nm"], notes=notes, record=found)
 
 
 def sway(scene: Place, to: float, *, from_: float = 0.0, step: float = 0.05) -> Result:
@@ -357,16 +357,12 @@ def fit(
         Scene with [[picture]] or [[brf]] tables, which say what was measured, and [unknown], which says what is found.
     out : path
         Folder to write: fit.toml, residual-VIEW.exr, trace.csv, and scene.toml with what was found.
-    run : path, optional
-        Folder of an earlier run, whose fits of the scene's leaves are used.
+    run, seed, progress
+        As in :func:`canopy`.
     samples : int
         Most paths a pixel of a step's pictures, 16 to 65536.
-    seed : int
-        Seed of the random numbers.
     force : bool
         Fit again although the folder holds this very fit.
-    progress : bool
-        Lines of progress on standard error.
 
     Returns
     -------
@@ -389,12 +385,10 @@ def transfer(
         Scene with a [transfer], which sets the resolution.
     out : path
         Folder to write.
-    run : path, optional
-        Folder of an earlier run, whose fits of the scene's leaves are used.
+    run, progress
+        As in :func:`canopy`.
     force : bool
         Compute again although the folder holds this very fit.
-    progress : bool
-        Lines of progress on standard error.
 
     Returns
     -------
