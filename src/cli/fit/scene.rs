@@ -2,7 +2,7 @@
 
 use crate::cli::Result;
 use crate::cli::{CommonArgs, destination};
-use mesophyll_fit_scene::{Options, summary, wavelengths};
+use mesophyll_fit_scene::{Options, SAMPLES, summary, wavelengths};
 use mesophyll_scene::loaded::LoadedScene;
 use mesophyll_scene::manifest::SceneManifest;
 use mesophyll_scene::placed::leaf::LeafSearch;
@@ -54,7 +54,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR", value_parser = destination::folder())]
     run: Option<PathBuf>,
     /// Most paths a pixel of a step's pictures; fewer are followed where the measurement is coarser
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=65_536))]
+    #[arg(long, value_name = "N", default_value_t = SAMPLES)]
+    #[arg(value_parser = clap::value_parser!(u32).range(16..=65_536))]
     samples: u32,
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 32))]

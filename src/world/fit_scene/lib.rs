@@ -64,6 +64,8 @@ pub struct Options {
     pub force: bool,
 }
 
+/// Most paths a pixel, where nothing else is asked for.
+pub const SAMPLES: u32 = 1024;
 /// How numbers are found. It changes when the same pictures give other numbers.
 const METHOD: &str = "three sets of paths a step; curvature of at least half of its own paths";
 /// The scene with what was found, in the fit's folder.

@@ -30,11 +30,11 @@ use std::collections::BTreeSet;
 use std::time::Instant;
 
 /// Paths a pixel of the first step.
-const PATHS: u32 = 16;
+pub const PATHS: u32 = 16;
 /// Most steps.
 const STEPS: usize = 24;
 /// The pictures' own noise is to be at most this share of the measurement's.
-pub const OWN: f64 = 1.0 / 3.0;
+const OWN: f64 = 1.0 / 3.0;
 /// Two estimates from paths of their own differ by twice their variance; a mean square of steps over variances up to
 /// this is no more than that.
 const NOISE_ALONE: f64 = 3.0;
@@ -143,6 +143,24 @@ impl SceneNormal {
     }
 }
 
+/// Whether the pictures' own noise is at most what it is to be of the measurement's.
+fn is_enough(own: f64) -> bool {
+    own <= 1.1 * OWN
+}
+
+/// How many paths a pixel make their own noise what it is to be, where it is `own` times the measurement's with
+/// `paths`.
+fn wanted(paths: u32, own: f64) -> u32 {
+    let wanted = f64::from(paths) * (own / OWN).powi(2).max(1.0);
+    (wanted / 16.0).ceil().min(f64::from(u32::MAX / 16)) as u32 * 16
+}
+
+/// How many paths a pixel the last pictures of a fit have, where their own noise is `own` times the measurement's with
+/// the paths of the first step.
+pub fn last_paths(own: f64, samples: u32) -> u32 {
+    if is_enough(own) { PATHS.min(samples) } else { wanted(PATHS, own).min(samples) }
+}
+
 /// Finds the numbers.
 ///
 /// # Errors
@@ -191,7 +209,7 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
         // A step that changes little changes the derivatives by as little.
         let unit = unit(numbers);
         let near = (0..n).all(|k| (after[k] - before[k]).abs() <= NEAR * unit[k].min(before[k].abs().max(0.02)));
-        let enough = own <= 1.1 * OWN || paths >= options.samples;
+        let enough = is_enough(own) || paths >= options.samples;
         since += 1;
         if square > NOISE_ALONE * spread && !(near && enough && wild.is_some()) {
             if since >= PATIENCE && !enough {
@@ -207,9 +225,7 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
             termination = Termination::StepSmall;
             break;
         }
-        let wanted = f64::from(paths) * (own / OWN).powi(2).clamp(1.0, GROWTH);
-        paths = (wanted / 16.0).ceil().min(f64::from(u32::MAX / 16)) as u32 * 16;
-        paths = paths.min(options.samples);
+        paths = wanted(paths, own.min(GROWTH.sqrt() * OWN)).min(options.samples);
     }
     let Some(normal) = last else { return Err(crate::Error::Missed("no step was made".into())) };
     // The last step was so small that its own pictures, moved by the derivatives, judge the numbers. Pictures that were

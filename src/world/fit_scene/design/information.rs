@@ -1,11 +1,13 @@
 //! What a picture tells of the numbers.
 
-use crate::Result;
 use crate::photographs::{PixelUse, ReadingKind, ScenePhotograph};
 use crate::pictures::{LitScene, ShotSlopes, draw, exposure, rounds, variances};
-use crate::steps::OWN;
+use crate::steps::{PATHS, last_paths};
 use crate::unknowns::SceneUnknowns;
+use crate::{Result, SAMPLES};
 use mesophyll_base::solvers::decomposition::symmetric_eigen;
+use mesophyll_base::statistics::median_of;
+use mesophyll_transport::path::slopes::DerivativePicture;
 use nalgebra::DMatrix;
 
 /// A picture as it is drawn for a plan: coarse, and each of its pixels stands for several readings.
@@ -44,27 +46,66 @@ impl PlannedShot {
     }
 }
 
+/// All pictures, drawn without derivatives.
+pub struct PlannedNoise {
+    shown: Vec<DerivativePicture>,
+    /// Variance of each reading, and that of the own noise of the pictures that a fit will draw.
+    variances: Vec<Vec<[f64; 2]>>,
+}
+
+impl PlannedNoise {
+    /// Draws the pictures, and finds out how many paths a fit will follow. All of its pictures have as many, so that
+    /// their own noise is large where light comes in many ways: between leaves, and through them.
+    pub fn drawn(
+        numbers: &SceneUnknowns,
+        lit: &[LitScene],
+        planned: &[PlannedShot],
+        [samples, seed]: [u64; 2],
+    ) -> Result<PlannedNoise> {
+        let [rounds, each] = rounds(samples as u32);
+        let (mut shown, mut all, mut owns) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, PlannedShot { shot, counts }) in planned.iter().enumerate() {
+            let shots = std::slice::from_ref(shot);
+            let picture = draw(lit, shots, |_| true, None, [2 * rounds, each], picture_seed(seed, k))?.swap_remove(0);
+            let variances = variances(shot, [&picture, &picture], 2 * rounds, exposure(numbers, shot));
+            let counted = (0..variances.len()).filter(|at| counts[at / shot.channels] > 0.0);
+            owns.extend(counted.map(|at| (variances[at][1] / variances[at][0]).sqrt()).filter(|own| own.is_finite()));
+            shown.push(picture);
+            all.push(variances);
+        }
+        // The variances are those of twice as many paths.
+        let paths = f64::from(4 * rounds * each);
+        let own = median_of(owns).unwrap_or(0.0) * (paths / f64::from(PATHS)).sqrt();
+        let share = paths / f64::from(last_paths(own, SAMPLES));
+        all.iter_mut().flatten().for_each(|[_, own]| *own *= share);
+        Ok(PlannedNoise { shown, variances: all })
+    }
+}
+
+fn picture_seed(seed: u64, k: usize) -> u64 {
+    seed ^ (k as u64) << 40
+}
+
 /// Rows whose products sum to the information of picture `k` on the numbers.
 pub fn rows(
     numbers: &SceneUnknowns,
     lit: &[LitScene],
-    (planned, k): (&[PlannedShot], usize),
+    (planned, noise, k): (&[PlannedShot], &PlannedNoise, usize),
     unit: &[f64],
     [samples, seed]: [u64; 2],
 ) -> Result<Vec<f64>> {
     let (shot, counts) = (&planned[k].shot, &planned[k].counts);
     let shots = std::slice::from_ref(shot);
     let [rounds, each] = rounds(samples as u32);
-    let mine = seed ^ (k as u64) << 40;
+    let mine = picture_seed(seed, k);
     let all = |_: &ScenePhotograph| true;
-    let shown = &draw(lit, shots, all, None, [2 * rounds, each], mine)?[0];
     let one = &draw(lit, shots, all, Some(0), [rounds, each], mine + 1)?[0];
     let two = &draw(lit, shots, all, Some(1), [rounds, each], mine + 2)?[0];
     let (first, n) = numbers.places();
     let of = &lit.first().map(LitScene::by).unwrap_or_default();
     let slopes = ShotSlopes { numbers, shot, of, pictures: [one, two] };
     let factor = exposure(numbers, shot);
-    let variances = variances(shot, [shown, shown], 2 * rounds, factor);
+    let (shown, variances) = (&noise.shown[k], &noise.variances[k]);
     let (mut information, mut row) = (DMatrix::<f64>::zeros(n, n), Vec::with_capacity(n));
     for (k, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0.0) {
         for c in 0..shot.channels {
@@ -72,10 +113,12 @@ pub fn rows(
             if shown.mean[at] == 0.0 {
                 continue;
             }
-            // A fit follows so many paths that its own noise is a third of the measurement's. The mean of 1/x² of an
-            // uncertain x is larger than 1/x², by three times its variance over x⁴.
-            let uncertain = 3.0 * (shot.noise * factor).powi(2) * shown.variance[at];
-            let weight = count / (variances[at][0] * (1.0 + OWN * OWN) + uncertain);
+            // The mean of 1/(ax² + b) of an uncertain x is larger than its value at the mean x, by the second
+            // derivative.
+            let [measured, own] = variances[at];
+            let relative = (shot.noise * factor).powi(2);
+            let bent = 4.0 * relative * shown.mean[at].powi(2) / (measured + own) - 1.0;
+            let weight = count / (measured + own + relative * shown.variance[at] * bent.max(0.0));
             slopes.row(&first, k, c, &mut row);
             for (i, p, q) in &row {
                 for (j, u, v) in &row {

@@ -18,7 +18,7 @@ use crate::step::keep_energy;
 use crate::unknowns::SceneUnknowns;
 use crate::{Error, Result, covariance, require_canopy, wavelengths};
 pub use candidates::SceneCandidate;
-use information::PlannedShot;
+use information::{PlannedNoise, PlannedShot};
 use mesophyll_base::selection::{DesignAim, DesignChoice, DesignParameter, DesignProblem, DesignSituation};
 use mesophyll_files::progress::TaskProgress;
 use mesophyll_scene::draw::reference;
@@ -131,8 +131,10 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
         let worlds = LitWorld::all(&numbers, &all, 0..1, true)?;
         let lit = LitScene::all(&numbers, &worlds)?;
         let seed = options.seed.wrapping_add(1 + 3 * draw as u64);
+        let paths = [u64::from(options.samples), seed];
+        let noise = PlannedNoise::drawn(&numbers, &lit, &planned, paths)?;
         let rows = (0..planned.len()).map(|k| {
-            let rows = information::rows(&numbers, &lit, (&planned, k), &unit, [u64::from(options.samples), seed])?;
+            let rows = information::rows(&numbers, &lit, (&planned, &noise, k), &unit, paths)?;
             bar.step()?;
             Ok(rows)
         });
