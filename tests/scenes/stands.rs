@@ -124,8 +124,8 @@ fn apart(shared: &LoadedScene, own: &LoadedScene) -> [f64; 2] {
     [off, moved].map(|sum| (sum / count).sqrt())
 }
 
-/// A scene with poses of its own for each of the ninety plants. `delay` says when gusts arrive that the wind brings at a
-/// time (s).
+/// A scene with poses of its own for each of the ninety plants. `delay` says when gusts arrive that the wind brings at
+/// a time (s).
 fn alone(mut own: LoadedScene, delay: impl Fn(f64) -> f64) -> (LoadedScene, PlantGroups) {
     let ledger = Ledger::new();
     let mut plants = planted(&own.manifest, &ledger).unwrap();
