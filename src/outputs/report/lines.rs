@@ -34,19 +34,25 @@ pub struct ReportCell {
     pub undetermined: bool,
 }
 
+/// When the values of a fit are determined.
+pub(crate) fn determined(kind: FitKind) -> &'static str {
+    match kind {
+        // The angles of a panorama have their own rule.
+        FitKind::Panorama => "",
+        FitKind::Scene => {
+            "a reflectance is determined when its standard error is at most 0.25, another number when it is at most a \
+             quarter of it, and a small absorption when it is at most all of it"
+        }
+        _ => "a value is determined when its standard error is at most 10 % of it",
+    }
+}
+
 /// The rule for undetermined values of a fit, shown where a table has one.
 pub(crate) fn rule(kind: FitKind) -> String {
-    let rule = match kind {
-        FitKind::Scene => {
-            "A reflectance is called determined when its standard error is at most 0.25, another number when it is at \
-             most a quarter of it; a small absorption, when it is at most all of it."
-        }
-        _ => "A value is called determined when its standard error is at most 10 % of it.",
-    };
-    format!(
-        "{rule} An undetermined value is shown with its best estimate: do not rely on more of it than its error or its \
-         bound allows."
-    )
+    let when = determined(kind).replacen('a', "A", 1);
+    let rule = "An undetermined value is shown with its best estimate: do not rely on more of it than its error or its \
+                bound allows.";
+    if when.is_empty() { rule.into() } else { format!("{when}. {rule}") }
 }
 
 /// The explanation of the caliper's share of an error, shown where a table has one.

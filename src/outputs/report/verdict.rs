@@ -1,6 +1,6 @@
 //! "Is this good?": all rules in one place. Every reason is stated; the worst one decides.
 
-use crate::lines::MANY;
+use crate::lines::{self, MANY};
 use crate::model::{FitReport, QualityLevel, ReportVerdict, SectionReport, VerdictReason};
 use crate::number::{count, percent, plain};
 use crate::quantity::{parameter, symbol};
@@ -331,12 +331,8 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(QualityLevel, String)) {
         })
         .collect();
     if !undetermined.is_empty() {
-        // The angles of a panorama have their own rule.
-        let rule = if report.kind == FitKind::Panorama {
-            ""
-        } else {
-            "; a value is determined when its standard error is at most 10 % of it"
-        };
+        let rule = lines::determined(report.kind);
+        let rule = if rule.is_empty() { String::new() } else { format!("; {rule}") };
         say(QualityLevel::Doubtful, format!("not determined by the data: {}{rule}", undetermined.join("; ")));
     }
     let loose: Vec<String> = report
