@@ -69,6 +69,9 @@ pub struct TransferScene {
 /// Bytes of memory for each entry while it is computed: its four numbers as they are traced, scaled, packed and read
 /// again.
 pub const BYTES_AN_ENTRY: u64 = 64;
+/// The largest buffer (bytes) that every adapter can bind, by WebGPU's default limits. Mesa's software adapter has no
+/// larger one.
+const BUFFER_OF_EVERY_ADAPTER: u64 = 128 << 20;
 
 /// How entries are computed. It changes when the same scene gets other entries.
 const METHOD: &str = "Gaussian neighbourhoods of 32 points; wood by its triangles' middles; in units of the light";
@@ -105,6 +108,17 @@ fn fit(scene: &TransferScene, options: &Options, maker: &mut FitMaker) -> Result
     let columns = options.columns.count();
     let bytes = (layout.rows * columns) as u64 * BYTES_AN_ENTRY;
     memory::require(bytes, &format!("the transfer of {} anchors", layout.anchors()))?;
+    let uploaded = 8 * (layout.rows * columns) as u64;
+    if uploaded > BUFFER_OF_EVERY_ADAPTER {
+        progress::say(format!(
+            "{}: the transfer of {} anchors takes a buffer of {} MiB on the adapter, and not every adapter has buffers \
+             of more than {} MiB: some cannot draw it in real time. Fewer anchors or leaves take less",
+            scene.name,
+            layout.anchors(),
+            uploaded >> 20,
+            BUFFER_OF_EVERY_ADAPTER >> 20
+        ));
+    }
     let tracer = maker.phase("box trees", || PathTracer::new(world, PathSettings::default()))?;
     let bar = progress::TaskProgress::new("transfer", layout.anchors() as u64);
     let (mut entries, mut errors) = (Vec::with_capacity(layout.rows * columns), Vec::new());

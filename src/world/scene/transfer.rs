@@ -123,12 +123,10 @@ impl LoadedScene {
         let of = of(self, &options, ledger)?;
         let folder = out.join("fits").join(format!("{}-occlusion", self.manifest.name));
         fit::run(&of, &[&self.manifest.path], &folder, &options)?;
-        self.transfer = TransferFit::open(&folder, &of, &options)?;
+        self.transfer = Some(just_made(&folder, &of, &options)?);
         Ok(())
     }
-}
 
-impl LoadedScene {
     /// Reads the transfer of the scene: the one that the scene names, or the one below `out`. If neither belongs to
     /// this scene, it is made.
     ///
@@ -163,9 +161,14 @@ impl LoadedScene {
         }
         let name = format!("{} transfer", self.manifest.name);
         ledger.note("fit", name, 0, || fit::run(&of, &[&self.manifest.path], &own, &options))?;
-        self.transfer = TransferFit::open(&own, &of, &options)?;
-        // Without it every leaf would be drawn as if it stood alone.
-        let changed = || Error::Missed(format!("{}: is not of this scene, for which it was just made", own.display()));
-        self.transfer.is_some().then_some(()).ok_or_else(changed)
+        self.transfer = Some(just_made(&own, &of, &options)?);
+        Ok(())
     }
+}
+
+/// Opens a transfer that was made for this scene a moment ago. Without it every leaf would be drawn as if it stood
+/// alone.
+fn just_made(folder: &Path, of: &fit::TransferScene, options: &Options) -> Result<TransferFit> {
+    let changed = || Error::Missed(format!("{}: is not of this scene, for which it was just made", folder.display()));
+    TransferFit::open(folder, of, options)?.ok_or_else(changed)
 }
