@@ -172,7 +172,7 @@ impl Batch {
             let mut trunks: Vec<(Vec3, f32)> = limbs.into_iter().flatten().map(|limb| reach[limb]).collect();
             // The branches of a trunk mostly follow each other.
             trunks.dedup();
-            let far = of.and_then(|k| far.get(&(k, material, mesh)));
+            let far = of.filter(|_| alone.is_none()).and_then(|k| far.get(&(k, material, mesh)));
             let stand = of.map(|k| (&scene.stands[k as usize], &stands[k as usize]));
             let put_rows = match stand {
                 Some(_) => put("leaves", bytemuck::cast_slice(&stand::leaves(&rows, &rides, far))),

@@ -108,7 +108,8 @@ fn fit(scene: &TransferScene, options: &Options, maker: &mut FitMaker) -> Result
     let columns = options.columns.count();
     let bytes = (layout.rows * columns) as u64 * BYTES_AN_ENTRY;
     memory::require(bytes, &format!("the transfer of {} anchors", layout.anchors()))?;
-    let uploaded = 8 * (layout.rows * columns) as u64;
+    // Entries take 8 bytes, and the light that arrives 16 a row.
+    let uploaded = (layout.rows * (8 * columns).max(16)) as u64;
     if uploaded > BUFFER_OF_EVERY_ADAPTER {
         progress::say(format!(
             "{}: the transfer of {} anchors takes a buffer of {} MiB on the adapter, and not every adapter has buffers \

@@ -24,7 +24,7 @@ use crate::scene::{Instance, LeafMaterial, Mesh, Scene, Side};
 use crate::thinning::{FEWEST, MANY, WIDE, size};
 use cards::{Card, means, order, rectangle};
 use directions::{OnDirections, TERMS, spread, terms};
-use glam::Vec3;
+use glam::{Mat3, Quat, Vec3};
 use level::Level;
 use sketch::{Crown, MOST, Sketch};
 use std::collections::{BTreeMap, HashMap};
@@ -43,6 +43,8 @@ const VIEWS: usize = 64;
 const SUNS: usize = 32;
 /// Limits of the factor of the sun's light.
 const LIGHT: [f32; 2] = [0.4, 2.5];
+/// Below the directions that coefficients were found for, the factor of light becomes 1 within this height.
+const FADES: f32 = 0.2;
 
 /// All leaves of one mesh and material of a plant. They have no ranks before they belong to a plant.
 pub(crate) struct FarLeaves {
@@ -58,6 +60,8 @@ pub(crate) struct FarPlant {
     pub leaves: Vec<FarLeaves>,
     /// A ball around it.
     around: (Vec3, f32),
+    /// The direction that is upright where it stands.
+    up: Vec3,
     patterns: OnceLock<Option<Patterns>>,
 }
 
@@ -82,8 +86,8 @@ pub(crate) struct FarPlants(HashMap<u64, Arc<FarPlant>>);
 const KNOWN: usize = 64;
 
 impl FarPlants {
-    /// The plant with these leaves in this ball, which is made where it is not known.
-    pub(crate) fn plant(&mut self, leaves: Vec<FarLeaves>, around: (Vec3, f32)) -> Arc<FarPlant> {
+    /// The plant with these leaves in this ball, which is made where it is not known. `up` is upright in its frame.
+    pub(crate) fn plant(&mut self, leaves: Vec<FarLeaves>, around: (Vec3, f32), up: Vec3) -> Arc<FarPlant> {
         let mut hash = std::hash::DefaultHasher::new();
         let bits = |card: &Card| {
             let places = [card.middle, card.sides[0], card.sides[1]].map(|v| v.to_array().map(f32::to_bits));
@@ -93,10 +97,13 @@ impl FarPlants {
             own.radius.to_bits().hash(&mut hash);
             own.cards.iter().for_each(|card| bits(card).hash(&mut hash));
         }
-        if self.0.len() >= KNOWN {
-            self.0.clear();
+        let ball = [around.0.to_array(), [around.1, 0.0, 0.0], up.to_array()];
+        ball.map(|v| v.map(f32::to_bits)).hash(&mut hash);
+        let key = hash.finish();
+        if self.0.len() >= KNOWN && !self.0.contains_key(&key) {
+            self.0.retain(|_, plant| Arc::strong_count(plant) > 1);
         }
-        self.0.entry(hash.finish()).or_insert_with(|| Arc::new(FarPlant::new(leaves, around))).clone()
+        self.0.entry(key).or_insert_with(|| Arc::new(FarPlant::new(leaves, around, up))).clone()
     }
 }
 
@@ -117,7 +124,10 @@ pub(crate) fn thinned(
         let leaves = |(material, mesh, instances): &(usize, usize, &Vec<Instance>)| {
             FarLeaves::new(&scene.meshes[*mesh], scene.leaf(*material), instances)
         };
-        let plant = known.plant(kinds.iter().map(leaves).collect(), bounds.rest);
+        let (false, Some(place)) = (kinds.is_empty(), scene.stands[k as usize].places.first()) else { continue };
+        // All places of a plant have the same tilt.
+        let up = (Mat3::from_mat4(place.transform).transpose() * Vec3::Z).normalize_or(Vec3::Z);
+        let plant = known.plant(kinds.iter().map(leaves).collect(), bounds.rest, up);
         for (kind, (material, mesh, _)) in kinds.iter().enumerate() {
             out.insert((k, *material, *mesh), (plant.clone(), kind));
         }
@@ -148,9 +158,9 @@ impl FarLeaves {
 }
 
 impl FarPlant {
-    fn new(mut leaves: Vec<FarLeaves>, around: (Vec3, f32)) -> FarPlant {
+    fn new(mut leaves: Vec<FarLeaves>, around: (Vec3, f32), up: Vec3) -> FarPlant {
         leaves.iter_mut().for_each(|own| own.ranks = order(&own.cards));
-        FarPlant { leaves, around, patterns: OnceLock::new() }
+        FarPlant { leaves, around, up, patterns: OnceLock::new() }
     }
 
     /// The share of the leaves of a kind that is drawn where pixels have this width in the plant's frame.
@@ -167,10 +177,11 @@ impl FarPlant {
         }
         let Some(known) = self.patterns.get_or_init(|| self.patterns()) else { return [1.0; 2] };
         let all = sun.map(|sun| known.sent(view, sun));
+        let trust = sun.map_or(0.0, |sun| self.trust(view, sun));
         let at = |level: &Level| {
             let (larger, sent) = level.seen(&known.crown, &known.covered, view, sun);
             let lit = all.zip(sent).map_or(1.0, |(all, own)| all / own.max(1e-30));
-            [larger, lit.clamp(LIGHT[0], LIGHT[1])]
+            [larger, 1.0 + trust * (lit.clamp(LIGHT[0], LIGHT[1]) - 1.0)]
         };
         let next = known.levels.partition_point(|level| level.width < pixel);
         let after = known.levels.get(next);
@@ -179,6 +190,13 @@ impl FarPlant {
         let t = (pixel / before.width).ln() / (after.width / before.width).ln();
         let (a, b) = (if next == 1 { [1.0; 2] } else { at(before) }, at(after));
         [0, 1].map(|k| a[k] + t * (b[k] - a[k]))
+    }
+
+    /// From 1, where coefficients were found for these directions, to 0 far below them. Both may be exchanged.
+    fn trust(&self, view: Vec3, sun: Vec3) -> f32 {
+        let [view, sun] = [view, sun].map(|d| d.dot(self.up));
+        let within = view.min(sun - LOWEST).max(sun.min(view - LOWEST));
+        (1.0 + within.min(0.0) / FADES).max(0.0)
     }
 
     /// The leaves that are drawn with pixels of this width, with the factor of their size, in the order of their ranks.
@@ -203,14 +221,20 @@ impl FarPlant {
         }
         let crown = Crown::new(cards, self.around);
         let all = crown.all();
-        let suns = spread(SUNS, 0.0);
+        let turn = Quat::from_rotation_arc(Vec3::Z, self.up);
+        let around = |count: usize, low: f32| spread(count, low).into_iter().map(move |d| turn * d);
+        let suns: Vec<Vec3> = around(SUNS, 0.0).collect();
         let casting: Vec<Sketch> = suns.iter().map(|sun| crown.sketch(&all, 1.0, *sun)).collect();
         let sample = |view: Vec3| {
             let sketch = crown.sketch(&all, 1.0, view);
             let one = |(sun, sent): (&Vec3, f32)| (terms(view, *sun), sent * sketch.covered());
             suns.iter().zip(crown.light(&sketch, &casting)).map(one).collect::<Vec<_>>()
         };
-        let sent = solved(spread(VIEWS, LOWEST).into_iter().flat_map(sample));
+        let sent = solved(around(VIEWS, LOWEST).flat_map(sample));
+        // Leaves without a vector area, such as needles, and black ones have no card that tells anything.
+        if sent.iter().all(|c| *c == 0.0) {
+            return None;
+        }
         // Widths at which something changes: until the kinds keep the fewest of their leaves.
         let widths = || self.leaves.iter().map(|own| 2.0 * own.radius / WIDE);
         let (first, widest) = (widths().fold(f32::INFINITY, f32::min), widths().fold(0.0, f32::max));

@@ -10,8 +10,8 @@ fn evenly(k: usize, j: usize) -> f32 {
     ((k as f64 + 0.5) * BY[j]).fract() as f32
 }
 
-/// A crown of 120 shoots of 25 leaves of 40 mm, with a gap on one side.
-fn plant() -> FarPlant {
+/// A crown of 120 shoots of 25 leaves of 40 mm, with a gap on one side, turned by `by` in its own frame.
+fn plant(by: Quat) -> FarPlant {
     let leaf = |k: usize| {
         let shoot = k / 25;
         let (z, a) = (2.0 * evenly(shoot, 0) - 1.0, 0.85 * std::f32::consts::TAU * evenly(shoot, 1));
@@ -22,15 +22,16 @@ fn plant() -> FarPlant {
         let turned = Quat::from_rotation_z(std::f32::consts::TAU * evenly(k, 3))
             * Quat::from_rotation_y(1.3 * evenly(k, 4).sqrt())
             * Quat::from_rotation_z(0.8);
+        let turned = by * turned;
         Card {
-            middle: root + 320.0 * ((k % 25) as f32 / 25.0) * out + 90.0 * around,
+            middle: by * (root + 320.0 * ((k % 25) as f32 / 25.0) * out + 90.0 * around),
             sides: [turned * Vec3::X * 20.0, turned * Vec3::Y * 20.0],
             normal: turned * Vec3::Z,
             sends: [0.12, 0.2, 0.1],
         }
     };
     let cards = (0..3000).map(leaf).collect();
-    FarPlant::new(vec![FarLeaves { ranks: Vec::new(), cards, radius: 28.3 }], (Vec3::ZERO, 1450.0))
+    FarPlant::new(vec![FarLeaves { ranks: Vec::new(), cards, radius: 28.3 }], (Vec3::ZERO, 1450.0), by * Vec3::Z)
 }
 
 /// A direction above this height.
@@ -46,8 +47,9 @@ fn errors(plant: &FarPlant, pixel: f32, pairs: usize) -> [[f32; 2]; 2] {
     let crown = &known.crown;
     let (all, drawn) = (crown.all(), plant.drawn(pixel));
     let mut squares = [[0.0; 2]; 2];
+    let turn = Quat::from_rotation_arc(Vec3::Z, plant.up);
     for k in 0..pairs {
-        let (view, sun) = (direction(k, 0, -0.1), direction(k, 2, 0.1));
+        let (view, sun) = (turn * direction(k, 0, -0.1), turn * direction(k, 2, 0.1));
         let suns = [crown.sketch(&all, 1.0, sun)];
         let of = |drawn: &[(u16, f32)], [larger, lit]: [f32; 2]| {
             let sketch = crown.sketch(drawn, larger, view);
@@ -66,7 +68,7 @@ fn errors(plant: &FarPlant, pixel: f32, pairs: usize) -> [[f32; 2]; 2] {
 /// that of the coefficients, and the scatter of cells that are as large as leaves.
 #[test]
 fn few_leaves_with_their_factors_cover_and_send_as_much_as_all() {
-    let plant = plant();
+    let plant = plant(Quat::IDENTITY);
     for (metres, leaves) in [(120.0, 400), (240.0, 100), (480.0, 26)] {
         let pixel = 0.88 * metres;
         let [without, with] = errors(&plant, pixel, 40);
@@ -77,10 +79,38 @@ fn few_leaves_with_their_factors_cover_and_send_as_much_as_all() {
     }
 }
 
+/// A plant whose own frame lies on its side is looked at and lit from the same directions of the world.
+#[test]
+fn a_tilted_plant_has_factors_of_its_own_up() {
+    let plant = plant(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
+    let [without, with] = errors(&plant, 0.88 * 240.0, 40);
+    assert!(with[0] < 0.3 * without[0] && with[1] < 0.5 * without[1], "{without:?} {with:?}");
+    assert!(with[0] < 0.05 && with[1] < 0.1, "{with:?}");
+}
+
+/// Far below the directions that coefficients were found for, light has no factor; on the way there is no step.
+#[test]
+fn light_from_below_has_no_factor() {
+    let plant = plant(Quat::IDENTITY);
+    let from = |height: f32| Vec3::new((1.0 - height * height).sqrt(), 0.0, height);
+    let at = |sun: f32| plant.factors(0.88 * 480.0, from(-0.4), Some(from(sun)))[1];
+    assert!(at(0.1) != 1.0 && at(-0.3) == 1.0);
+    let steps: Vec<f32> = (0..=200).map(|k| at(0.1 - 0.002 * k as f32)).collect();
+    assert!(steps.windows(2).all(|s| (s[0] - s[1]).abs() < 0.05), "{steps:?}");
+}
+
+/// Needles and black leaves have no card that tells what they send.
+#[test]
+fn leaves_that_send_nothing_have_no_factors() {
+    let mut black = plant(Quat::IDENTITY);
+    black.leaves[0].cards.iter_mut().for_each(|card| card.sends = [0.0; 3]);
+    assert_eq!(black.factors(0.88 * 240.0, Vec3::X, Some(Vec3::Z)), [1.0; 2]);
+}
+
 /// All leaves have no factors, and factors begin at 1.
 #[test]
 fn factors_begin_where_leaves_are_left_out() {
-    let plant = plant();
+    let plant = plant(Quat::IDENTITY);
     let first = 2.0 * 28.3 / WIDE;
     let at = |pixel: f32| plant.factors(pixel, Vec3::X, Some(Vec3::Z));
     assert_eq!(at(0.99 * first), [1.0; 2]);

@@ -43,9 +43,10 @@ pub(super) fn transfer(gpu: &Gpu, scene: &Scene) -> Result<()> {
     }
     let columns = columns(transfer);
     let rows = transfer.entries.len() / columns;
-    let bytes = 8 * transfer.entries.len() as u64;
+    // The light that arrives takes 16 bytes a row.
+    let bytes = (8 * transfer.entries.len()).max(16 * rows) as u64;
     let most = gpu.device.limits().max_storage_buffer_binding_size;
-    if bytes == 0 || bytes > most || !transfer.entries.len().is_multiple_of(columns) {
+    if transfer.entries.is_empty() || bytes > most || !transfer.entries.len().is_multiple_of(columns) {
         return Err(wrong("transfer, entries", format!("{bytes} bytes"), format!("whole rows, up to {most} bytes")));
     }
     if !transfer.scale.is_finite() {
