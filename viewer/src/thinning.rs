@@ -10,7 +10,8 @@ use glam::Vec3;
 /// leaf's longest extent.
 pub(crate) const WIDE: f32 = 1.5;
 /// The least share of the leaves that is drawn, however far away they are: none is drawn more than 3.7 times as large.
-/// Still larger leaves would reach out of the crown. It would then cover more than it does, and have more light.
+/// Still larger leaves would reach out of the crown. It would then cover more than it does, and have more light. Plants
+/// of stands have factors against that (`far`), and fewer leaves.
 pub(crate) const FEWEST: f32 = 1.0 / 12.0;
 /// If there are fewer leaves than this of one mesh and material, all are drawn.
 pub(crate) const MANY: usize = 64;
