@@ -28,7 +28,7 @@ pub const LIMITS: [f64; 2] = [0.2, 2.0];
 const STEP: f64 = 0.1;
 /// The fewest discs of which a part can be taken away.
 const FEWEST: usize = 10;
-/// Most draws whose mean is shown, and how many discs they have together at most, where two draws have fewer.
+/// Most draws whose mean is shown. There are more than two only while they have at most so many discs together.
 const DRAWS: usize = 8;
 const TOGETHER: usize = 20_000;
 /// Bytes of a disc in a world, and in the tree that finds it.
@@ -76,8 +76,7 @@ impl DiscPopulation {
         let around = |all: &[DVec3]| all.iter().fold(far, |[low, high], at| [low.min(*at), high.max(*at)]);
         let bounds = around(&centres);
         let size = bounds[1] - bounds[0];
-        let wide: Vec<f64> = size.to_array().into_iter().filter(|s| *s > 0.0).collect();
-        let apart = (wide.iter().product::<f64>() / centres.len() as f64).powf(1.0 / wide.len().max(1) as f64);
+        let apart = apart(size, centres.len());
         // Corners are two radii from a middle.
         let radii = (0..centres.len()).map(|disc| radius(mesh, disc));
         let margin = DVec3::splat(2.0 * radii.fold(0.0, f64::max));
@@ -125,6 +124,18 @@ impl DiscPopulation {
         let turned = DVec3::select(at.cmplt(low), 2.0 * low - at, at);
         DVec3::select(turned.cmpgt(high), 2.0 * high - turned, turned).clamp(low, high)
     }
+}
+
+/// How far the next of so many discs is, about, in a box of this size.
+fn apart(size: DVec3, discs: usize) -> f64 {
+    let mut wide: Vec<f64> = size.to_array().into_iter().filter(|s| *s > 0.0).collect();
+    wide.sort_by(f64::total_cmp);
+    let mean = |wide: &[f64]| (wide.iter().product::<f64>() / discs as f64).powf(1.0 / wide.len().max(1) as f64);
+    // Along a side that is thinner than that, discs stand in one layer.
+    while wide.len() > 1 && wide[0] < mean(&wide) {
+        wide.remove(0);
+    }
+    mean(&wide)
 }
 
 /// The cell of a place.

@@ -49,12 +49,15 @@ fn fitted(scene: &LoadedScene, out: &Path) -> FitRecord {
     }
 }
 
-/// The derivatives by the area towards directions, as a fit draws them: for each direction and channel.
-fn derivatives(scene: &LoadedScene, directions: &[[f64; 2]], draw_of: u64, each: u32) -> Vec<f64> {
+fn unknowns(scene: &LoadedScene) -> SceneUnknowns {
     let world = reference::traced(scene, 0.0, &Ledger::new()).unwrap();
-    let numbers = SceneUnknowns::new(scene, world, &[], None, &Ledger::new()).unwrap();
+    SceneUnknowns::new(scene, world, &[], None, &Ledger::new()).unwrap()
+}
+
+/// Factors towards directions, of which none is measured yet.
+fn towards(directions: &[[f64; 2]]) -> [ScenePhotograph; 1] {
     let places = directions.len();
-    let shots = [ScenePhotograph {
+    [ScenePhotograph {
         name: "brf".into(),
         by: ReadingKind::Directions(directions.iter().map(|at| at.map(f64::to_radians)).collect()),
         size: [places, 1],
@@ -67,12 +70,23 @@ fn derivatives(scene: &LoadedScene, directions: &[[f64; 2]], draw_of: u64, each:
         exposure: None,
         sun_deg: None,
         saturated: 0,
-    }];
+    }]
+}
+
+/// The derivatives by the area towards directions, as a fit draws them: for each direction and channel.
+fn derivatives(scene: &LoadedScene, directions: &[[f64; 2]], draw_of: u64, each: u32) -> Vec<f64> {
+    let (numbers, shots) = (unknowns(scene), towards(directions));
     let worlds = LitWorld::all(&numbers, &shots, draw_of..draw_of + 1, true).unwrap();
     let lit = LitScene::all(&numbers, &worlds).unwrap();
     let halves = [0, 1].map(|half| draw(&lit, &shots, |_| true, Some(half), [16, each], draw_of).unwrap());
     let mean = |k: usize, c: usize| 0.5 * halves.iter().map(|half| half[0].slope(k, 0, c)).sum::<f64>();
-    (0..3 * places).map(|i| mean(i / 3, i % 3)).collect()
+    (0..3 * directions.len()).map(|i| mean(i / 3, i % 3)).collect()
+}
+
+/// A hundred level discs, whose heights differ by less than shows, as computed ones do.
+fn layer() -> Vec<String> {
+    let grid = (0..100).map(|k| [k % 10, k / 10].map(|i| 0.1 * f64::from(i) - 0.45));
+    grid.map(|[x, y]| format!("0.01 {x} {y} {} 0 0 1", 0.2 + 1e-9 * x)).collect()
 }
 
 /// Level discs at one height over black soil neither shade nor light each other: the reflectance factor is ρd times the
@@ -80,14 +94,12 @@ fn derivatives(scene: &LoadedScene, directions: &[[f64; 2]], draw_of: u64, each:
 #[test]
 fn a_thin_layer_is_linear_in_its_area() {
     let folder = tempfile::tempdir().unwrap();
-    let grid = (0..100).map(|k| [k % 10, k / 10].map(|i| 0.1 * f64::from(i) - 0.45));
-    let discs: Vec<String> = grid.map(|[x, y]| format!("0.01 {x} {y} 0.2 0 0 1")).collect();
     let covered = 100.0 * PI * 0.01f64.powi(2);
     let directions = [[0.0, 0.0], [20.0, 50.0], [35.0, 110.0], [45.0, 180.0], [55.0, 250.0], [60.0, 310.0]];
     let level = |area: f64| RHO[0].map(|rho| rho * covered * area);
     std::fs::write(folder.path().join("brf.csv"), table(&directions, |_| level(1.3))).unwrap();
     let noise = 0.2;
-    let scene = canopy(folder.path(), &discs, [0.0; 3], &tables(noise));
+    let scene = canopy(folder.path(), &layer(), [0.0; 3], &tables(noise));
     let found = derivatives(&scene, &directions, 0, 64);
     for c in 0..3 {
         // Channels share their paths and have the same error. Copies that cover each other take a share from it.
@@ -100,6 +112,22 @@ fn a_thin_layer_is_linear_in_its_area() {
     let error = 1.3 * noise / f64::sqrt(18.0);
     assert!((area.value[0] - 1.3).abs() < 0.05, "{area:?}");
     assert!(area.stderr[0] > 0.97 * error && area.stderr[0] < 1.2 * error, "{area:?}, {error}");
+}
+
+/// Readings of three times the stated area, which is beyond the search's end.
+#[test]
+fn an_area_at_the_end_of_its_search_is_no_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let directions = [[0.0, 0.0], [20.0, 50.0], [35.0, 110.0], [45.0, 180.0], [55.0, 250.0], [60.0, 310.0]];
+    let covered = 100.0 * PI * 0.01f64.powi(2);
+    std::fs::write(folder.path().join("brf.csv"), table(&directions, |_| RHO[0].map(|rho| 3.0 * rho * covered)))
+        .unwrap();
+    let scene = canopy(folder.path(), &layer(), [0.0; 3], &tables(0.5));
+    let record = fitted(&scene, &folder.path().join("fit"));
+    let area = &record.sections["all"].params["leaf.a.area"];
+    let why = area.undetermined.join("");
+    assert!(why.contains("found at 2, where the search ends") && why.contains("a list of more discs"), "{area:?}");
+    assert!(record.faults.iter().any(|fault| fault.says.contains("leaf.a.area: found at 2")), "{:?}", record.faults);
 }
 
 /// Discs that stand anywhere in a box, with normals in all directions, one a line.
@@ -191,7 +219,7 @@ fn an_area_that_cannot_be_found_is_refused() {
     let error = design::plan(&sure, &Default::default(), &Ledger::new()).err().unwrap().to_string();
     assert!(error.contains("unknown.leaves.a: found \"area\", whose error is mostly"), "{error}");
     let sure = canopy(folder.path(), &anywhere(1, 20), SOIL, &tables(0.01).replace("\"area\"", "\"areas\""));
-    refused(Ok(sure), "unknown.leaves.a: found \"areas\", expected some of rho_d");
+    refused(Ok(sure), "unknown.leaves.a: found \"areas\", expected some of rho_d, rho_t, rho_s, m, area, the numbers");
     let picture = "[[picture]]\nview = \"across\"\nfile = \"across.exr\"\nnoise = 0.01\n";
     super::synthetic::photograph(folder.path(), &scene(TRUTH, ""), 1.0, |_, v| v).unwrap();
     let mesh = opened(folder.path(), &scene(START, &format!("{picture}[unknown]\nleaves = {{ a = [\"area\"] }}\n")));

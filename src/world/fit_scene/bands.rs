@@ -7,7 +7,7 @@ use mesophyll_files::atomic;
 use mesophyll_fits::record::RecordSection;
 use mesophyll_scene::draw::bands;
 use mesophyll_scene::loaded::LoadedScene;
-use mesophyll_scene::manifest::StatedLeaf;
+use mesophyll_scene::manifest::{AREA, StatedLeaf};
 use mesophyll_transport::path::SurfaceBands;
 use std::path::Path;
 
@@ -66,9 +66,10 @@ impl SceneBands {
                 }
                 "rho_t" => out.push(one(UnknownKind::RhoT(k), "rho_t", &of.rho_t, &beside_d)),
                 other => {
+                    let more = if leaf.discs.is_some() { format!(", or {AREA}") } else { String::new() };
                     return Err(format!(
                         "found \"{other}\", expected some of rho_d, rho_t, the numbers that have a value at each \
-                         wavelength"
+                         wavelength{more}"
                     ));
                 }
             }

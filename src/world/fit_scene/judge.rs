@@ -114,10 +114,25 @@ pub fn section(
             ..MeasurementFault::default()
         });
     }
+    for (name, (quantity, at)) in names.iter().zip(quantities.clone().zip(&values)) {
+        if let Some(ended) = quantity.ended(*at) {
+            record.faults.push(MeasurementFault {
+                name: "scene-model".into(),
+                grade: FaultGrade::Wrong,
+                says: format!("{name}: {ended}, without which the other numbers are not those of the pictures"),
+                ..MeasurementFault::default()
+            });
+        }
+    }
+    // Without more, an error is beyond its limit only by what the draws of discs add.
+    let due = match wide > 1.0 {
+        true => "what the scene does not explain could be due to it",
+        false => "which discs stand changes the pictures as much as it does",
+    };
     let mut section = RecordSection::default();
     for (k, (name, quantity)) in names.iter().zip(quantities).enumerate() {
         let error = found.covariance[(k, k)].sqrt() * wide;
-        let why = found.undetermined[k].clone().or_else(|| quantity.open(values[k], error));
+        let why = found.undetermined[k].clone().or_else(|| quantity.open(values[k], error, due));
         let why = why.map(|why| format!("{name}: {why}"));
         // What is only known as small has an error.
         let bounded = error <= UNKNOWN * quantity.unit(values[k]);

@@ -67,7 +67,7 @@ pub struct Options {
 /// Most paths a pixel, where nothing else is asked for.
 pub const SAMPLES: u32 = 1024;
 /// How numbers are found. It changes when the same pictures give other numbers.
-const METHOD: &str = "three sets of paths a step; curvature of at least half of its own paths";
+const METHOD: &str = "three sets of paths a step; curvature of at least half of its own paths; even draws of discs";
 /// The scene with what was found, in the fit's folder.
 pub const SCENE: &str = "scene.toml";
 /// The steps, in the fit's folder.

@@ -130,8 +130,7 @@ pub fn draw(
     let mut out = vec![DerivativePicture::default(); shots.len()];
     for (k, shot) in shots.iter().enumerate().filter(|(_, shot)| wanted(shot)) {
         let scenes: Vec<&LitScene> = lit.iter().filter(|scene| scene.sun_deg == shot.sun_deg).collect();
-        // Draws of discs share the rounds; two of them tell a variance.
-        let rounds = if scenes.len() > 1 { (rounds / scenes.len() as u32).max(2) } else { rounds };
+        let rounds = rounds / scenes.len().max(1) as u32;
         let mut pictures = Vec::with_capacity(scenes.len());
         for (number, scene) in scenes.into_iter().enumerate() {
             let (paths, seed) = ([rounds, each], seed ^ (k as u64) << 40 ^ (number as u64) << 54);
@@ -222,10 +221,12 @@ pub fn exposure_of(numbers: &SceneUnknowns, shot: &ScenePhotograph) -> Option<us
     numbers.list.iter().position(|q| matches!(&q.kind, UnknownKind::Exposure(own) if own == name))
 }
 
-/// Rounds and paths a round of half as many paths as these.
-pub fn rounds(paths: u32) -> [u32; 2] {
+/// Rounds and paths a round of half as many paths as these, that so many draws of discs share: each has as many rounds,
+/// and two at least, which tell a variance.
+pub fn rounds(paths: u32, draws: u64) -> [u32; 2] {
     let half = (paths / 2).max(4);
-    let rounds = half.min(ROUNDS);
+    let all = half.min(ROUNDS);
+    let rounds = if draws > 1 { (all / draws as u32).max(2) * draws as u32 } else { all };
     [rounds, half.div_ceil(rounds)]
 }
 
@@ -275,4 +276,21 @@ pub fn variances(
         [measured.max((LEAST * shown).powi(2)), own]
     };
     (0..places * n).map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The picture that residuals are of has twice as many rounds of each draw as those that its noise is found by.
+    #[test]
+    fn draws_share_the_rounds_evenly() {
+        for (paths, draws) in (0..9).flat_map(|k| (2..=8).map(move |draws| (4u32 << k, draws))) {
+            let [half, each] = rounds(paths, draws);
+            let share = |rounds: u32| rounds / draws as u32;
+            assert!(share(half) >= 2 && share(2 * half) == 2 * share(half), "{paths} {draws}: {half}");
+            assert!(2 * half * each >= paths, "{paths} {draws}: {half} x {each}");
+        }
+        assert_eq!(rounds(16, 1), [8, 1]);
+    }
 }

@@ -6,6 +6,9 @@ pub const UNKNOWN: f64 = 0.25;
 /// Standard errors to the bound below which a number lies with a probability of 95 %.
 const BELOW: f64 = 1.645;
 
+/// An area this close to a limit is there.
+const LIMIT: f64 = 1e-6;
+
 /// The channels' names.
 pub const CHANNELS: [&str; 3] = ["R", "G", "B"];
 
@@ -101,13 +104,31 @@ impl UnknownQuantity {
         if self.scale.is_some() { most.min(at.abs()) } else { most }
     }
 
-    /// Why a number with this standard error is not determined; `None` where it is.
-    pub fn open(&self, at: f64, error: f64) -> Option<String> {
+    /// Why a number with this standard error is not determined; `None` where it is. `due` says what makes an error as
+    /// large as the number.
+    pub fn open(&self, at: f64, error: f64, due: &str) -> Option<String> {
+        if let Some(needed) = self.ended(at) {
+            return Some(needed);
+        }
         match error {
             error if error <= self.limit(at) => None,
             error if error <= UNKNOWN * self.unit(at) => Some(format!("at most {:.3e}", at + BELOW * error)),
-            _ => Some("what the scene does not explain could be due to it".into()),
+            _ => Some(due.into()),
         }
+    }
+
+    /// What an area needs whose search ended at a limit; `None` elsewhere.
+    pub fn ended(&self, at: f64) -> Option<String> {
+        let (low, high) = (self.low, *self.high.first()?);
+        let needed = match self.kind {
+            UnknownKind::Area(_) if at >= high - LIMIT => "more",
+            UnknownKind::Area(_) if at <= low + LIMIT => "fewer",
+            _ => return None,
+        };
+        Some(format!(
+            "found at {at}, where the search ends, expected an area between {low} and {high}; state a list of {needed} \
+             discs"
+        ))
     }
 
     /// The largest change of a number in one step.
@@ -141,12 +162,13 @@ mod tests {
         };
         // A reflectance is bounded; a coefficient of which 0.5 is much is known as small, or not at all.
         let (reflectance, coefficient) = (of(None), of(Some(0.5)));
-        assert_eq!(reflectance.open(0.02, 0.03), None);
-        assert!(reflectance.open(0.02, 0.26).is_some() && reflectance.open(0.9, f64::NAN).is_some());
-        assert_eq!(coefficient.open(0.02, 0.015), None);
-        assert_eq!(coefficient.open(0.02, 0.03).unwrap(), "at most 6.935e-2");
-        assert_eq!(coefficient.open(0.0, 0.03).unwrap(), "at most 4.935e-2");
-        assert_eq!(coefficient.open(2.0, 0.4), None);
-        assert!(coefficient.open(2.0, 0.6).unwrap().starts_with("what the scene"));
+        let due = "it is";
+        assert_eq!(reflectance.open(0.02, 0.03, due), None);
+        assert!(reflectance.open(0.02, 0.26, due).is_some() && reflectance.open(0.9, f64::NAN, due).is_some());
+        assert_eq!(coefficient.open(0.02, 0.015, due), None);
+        assert_eq!(coefficient.open(0.02, 0.03, due).unwrap(), "at most 6.935e-2");
+        assert_eq!(coefficient.open(0.0, 0.03, due).unwrap(), "at most 4.935e-2");
+        assert_eq!(coefficient.open(2.0, 0.4, due), None);
+        assert_eq!(coefficient.open(2.0, 0.6, due).unwrap(), due);
     }
 }

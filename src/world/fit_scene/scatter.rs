@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
 /// The draws that are compared. Those of the fit come before them.
-const DRAWS: Range<u64> = 2000..2008;
+const COMPARED: Range<u64> = 2000..2008;
 
 /// Pictures of several draws of the discs.
 pub struct AreaScatter {
@@ -34,15 +34,15 @@ impl AreaScatter {
         if numbers.areas().next().is_none() {
             return Ok(None);
         }
-        let [rounds, each] = rounds(paths);
+        let [rounds, each] = rounds(paths, 1);
         let one = |number: u64| {
             let worlds = LitWorld::all(numbers, shots, number..number + 1, false)?;
             draw(&LitScene::all(numbers, &worlds)?, shots, |_| true, None, [2 * rounds, each], seed)
         };
         // The real discs are one draw, and the fit's are the mean of several. An error from so few draws has the
         // distribution of Student, whose variance has f − 2 in place of f degrees of freedom.
-        let share = (1.0 + 1.0 / numbers.draws() as f64) / ((DRAWS.end - DRAWS.start) as f64 - 3.0);
-        Ok(Some(AreaScatter { draws: DRAWS.map(one).collect::<Result<_>>()?, share }))
+        let share = (1.0 + 1.0 / numbers.draws() as f64) / ((COMPARED.end - COMPARED.start) as f64 - 3.0);
+        Ok(Some(AreaScatter { draws: COMPARED.map(one).collect::<Result<_>>()?, share }))
     }
 
     /// What a reading is in each draw, less the mean of all.

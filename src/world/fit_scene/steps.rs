@@ -122,6 +122,8 @@ pub struct SceneNormal {
     pub gradient: DVector<f64>,
     chi2: f64,
     count: usize,
+    /// Median of the residuals over that of a normal distribution.
+    typical: f64,
     /// Median of own noise over the measurement's.
     own: f64,
     /// Every reading of the pictures that were drawn.
@@ -183,9 +185,10 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
         stepped = after.iter().zip(&before).map(|(a, b)| a - b).collect();
         let shares: Vec<f64> = (0..n).map(|k| (after[k] - before[k]) / stderr[k]).filter(|s| s.is_finite()).collect();
         let square = shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64;
-        // Other discs stand in the fit than in the pictures. Until the end that is noise of an unknown size.
+        // Other discs stand in the fit than in the pictures. Until the end that is noise of an unknown size, which a
+        // few wild readings must not decide.
         let counted = numbers.areas().next().is_some();
-        let spread = if counted { (normal.chi2 / normal.count.max(1) as f64).max(1.0) } else { 1.0 };
+        let spread = if counted { normal.typical.powi(2).max(1.0) } else { 1.0 };
         let row = TraceRow {
             iteration,
             evaluations: 3 * (iteration + 1),
@@ -249,7 +252,7 @@ pub fn find(numbers: &mut SceneUnknowns, shots: &mut [ScenePhotograph], options:
 
 fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: u64) -> Result<SceneNormal> {
     let (first, n) = numbers.places();
-    let [rounds, each] = rounds(paths);
+    let [rounds, each] = rounds(paths, numbers.draws());
     let worlds = LitWorld::all(numbers, shots, 0..numbers.draws(), true)?;
     let lit = LitScene::all(numbers, &worlds)?;
     let slopes = &lit.first().map(LitScene::by).unwrap_or_default();
@@ -286,7 +289,7 @@ fn normal(numbers: &SceneUnknowns, shots: &[ScenePhotograph], paths: u32, seed: 
             }
         }
     }
-    Ok(SceneNormal { matrix, upper, gradient, chi2, count, own, compared, slopes: by })
+    Ok(SceneNormal { matrix, upper, gradient, chi2, count, typical, own, compared, slopes: by })
 }
 
 /// The readings of the shots that `wanted` chooses, compared with `shown`. Two pictures of half as many paths give the
@@ -328,7 +331,7 @@ fn held_out(
     seed: u64,
 ) -> Result<Vec<ReadingComparison>> {
     let all = |shot: &ScenePhotograph| !is_fitted(shot);
-    let [rounds, each] = rounds(paths);
+    let [rounds, each] = rounds(paths, numbers.draws());
     let worlds = LitWorld::all(numbers, shots, 0..numbers.draws(), false)?;
     let lit = LitScene::all(numbers, &worlds)?;
     let shown = draw(&lit, shots, all, None, [2 * rounds, each], seed)?;

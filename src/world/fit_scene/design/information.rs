@@ -62,13 +62,15 @@ impl PlannedNoise {
         planned: &[PlannedShot],
         [samples, seed]: [u64; 2],
     ) -> Result<PlannedNoise> {
-        let [rounds, each] = rounds(samples as u32);
+        let [rounds, each] = rounds(samples as u32, 1);
         let (mut shown, mut all, mut owns) = (Vec::new(), Vec::new(), Vec::new());
         for (k, PlannedShot { shot, counts }) in planned.iter().enumerate() {
             let shots = std::slice::from_ref(shot);
             let picture = draw(lit, shots, |_| true, None, [2 * rounds, each], picture_seed(seed, k))?.swap_remove(0);
             let variances = variances(shot, [&picture, &picture], 2 * rounds, exposure(numbers, shot));
-            let counted = (0..variances.len()).filter(|at| counts[at / shot.channels] > 0.0);
+            // What shows nothing has no noise, and the fit leaves it out.
+            let counted = |at: &usize| counts[at / shot.channels] > 0.0 && picture.mean[*at] != 0.0;
+            let counted = (0..variances.len()).filter(counted);
             owns.extend(counted.map(|at| (variances[at][1] / variances[at][0]).sqrt()).filter(|own| own.is_finite()));
             shown.push(picture);
             all.push(variances);
@@ -96,7 +98,7 @@ pub fn rows(
 ) -> Result<Vec<f64>> {
     let (shot, counts) = (&planned[k].shot, &planned[k].counts);
     let shots = std::slice::from_ref(shot);
-    let [rounds, each] = rounds(samples as u32);
+    let [rounds, each] = rounds(samples as u32, 1);
     let mine = picture_seed(seed, k);
     let all = |_: &ScenePhotograph| true;
     let one = &draw(lit, shots, all, Some(0), [rounds, each], mine + 1)?[0];

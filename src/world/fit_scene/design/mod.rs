@@ -96,8 +96,8 @@ pub fn plan(scene: &LoadedScene, options: &SceneDesignOptions, ledger: &Ledger) 
     let asked = manifest.unknown.as_ref().map(|unknown| &unknown.leaves);
     if let Some((name, _)) = asked.into_iter().flatten().find(|(_, numbers)| numbers.iter().any(|n| n == AREA)) {
         let what = format!(
-            "found \"{AREA}\", whose error is mostly due to where discs stand, and no picture makes that smaller; \
-             expected a plan for other numbers"
+            "found \"{AREA}\", whose error is mostly due to where discs stand, which a plan does not count; expected \
+             [unknown] without it, for a plan of the other numbers"
         );
         return Err(Error::field(&manifest.path, &format!("unknown.leaves.{name}"), what));
     }

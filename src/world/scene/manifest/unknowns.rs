@@ -167,7 +167,9 @@ impl SceneManifest {
             }
             let (known, kind) = leaf.unknowable();
             if let Some(number) = numbers.iter().find(|n| *n != AREA && !known.contains(&n.as_str())) {
-                let expected = format!("expected some of {}, the numbers of {kind}", known.join(", "));
+                let more = leaf.discs.as_ref().map(|_| AREA);
+                let all: Vec<&str> = known.iter().copied().chain(more).collect();
+                let expected = format!("expected some of {}, the numbers of {kind}", all.join(", "));
                 return bad(&field, format!("found \"{number}\", {expected}"));
             }
             if numbers.iter().any(|n| n == AREA) && leaf.discs.is_none() {
