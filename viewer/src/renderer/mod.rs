@@ -289,12 +289,10 @@ impl Renderer {
         let follows = loaded.shadow.as_ref().filter(|shadow| shadow.follows_motion());
         let falls = follows.and_then(|_| Falls::new(seen, &loaded.sun?, loaded.extents.low));
         let sun = loaded.sun.map(|sun| sun.direction.normalize());
-        // The factors of far plants' light hold what leaves shade.
-        let shading = sun.filter(|_| loaded.shadow.is_some());
         let mut apart = 0.0f32;
         for batch in &mut loaded.batches {
             if batch.choice.is_none() {
-                batch.arrange(&self.gpu, &seen, shading);
+                batch.arrange(&self.gpu, &seen, sun.filter(|_| loaded.shadow.is_some()));
             }
             if loaded.shadow.as_ref().is_some_and(|shadow| !shadow.is_drawn()) {
                 batch.cast(&self.gpu, texel, sun.unwrap_or(Vec3::Z), falls.as_ref());
