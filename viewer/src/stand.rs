@@ -140,8 +140,8 @@ impl StandBatch {
         }
     }
 
-    /// Chooses what a picture shows. `sun` is the direction towards it, if it casts shadows: factors of light hold them.
-    /// `levels` are those of the mesh.
+    /// Chooses what a picture shows. `sun` is the direction towards it, if it casts shadows, which factors of light
+    /// hold. `levels` are those of the mesh.
     pub(crate) fn arrange(
         &mut self,
         gpu: &Gpu,
