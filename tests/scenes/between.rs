@@ -227,6 +227,44 @@ fn the_plan_counts_the_levels_that_no_view_comes_near() {
     assert!(left.reason.contains("3 leaves"), "{}", left.reason);
 }
 
+/// Five pairs of leaves, far apart from each other, are lit alike. One pair has anchors, and its light is right for the
+/// others too: the picture is that in which each has anchors, and not that in which each is lit as if it stood alone.
+#[test]
+fn copies_of_a_list_show_the_light_of_the_one_in_their_middle() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("places.txt"), "-36 0 0\n-18 0 0\n0 0 0\n18 0 0\n36 0 0\n").unwrap();
+    let list = |z: f64| {
+        format!(
+            "[[instance]]\nleaf = \"elm\"\npositions = \"places.txt\"\nunit = \"mm\"\nposition_mm = [0, 0, {z}]\n\
+             rotation_deg = [20, 0, 30]\nscale = 0.3\n"
+        )
+    };
+    let draw = |name: &str, light: &str| {
+        let rest = format!("{}{}[sky]\nradiance = [0.5, 0.5, 0.5]\n{light}", list(0.0), list(3.0));
+        let scene = crowd(dir.path(), [0.3, 0.3], 0, &rest);
+        let out = dir.path().join(name);
+        let output = mesophyll(&["check", "--json", scene.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        if skips::no_adapter(&output) {
+            return None;
+        }
+        assert_eq!(json(&output)["passed"], true, "{:#}", json(&output));
+        Some(image::open(out.join("side.png")).unwrap().to_rgb8().into_raw())
+    };
+    let Some(shared) = draw("shared", "[transfer]\npaths = 4096\nshared = true\n") else { return };
+    let fit = std::fs::read_to_string(dir.path().join("shared/fits/crowd-transfer/fit.toml")).unwrap();
+    assert!(fit.contains("anchors = 30\n"), "{fit}");
+    let [own, alone] = [("own", "[transfer]\npaths = 4096\n"), ("alone", "")].map(|(n, l)| draw(n, l).unwrap());
+    let off = |picture: &[u8]| picture.iter().zip(&own).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>();
+    assert!(off(&shared) < 0.1 * off(&alone), "off by {} and {}", off(&shared), off(&alone));
+    // No list, nothing to share.
+    let rest = "[sky]\nradiance = [0.5, 0.5, 0.5]\n[transfer]\nshared = true\n";
+    let scene = crowd(dir.path(), [0.3, 0.3], 2, rest);
+    let output = mesophyll(&["check", scene.to_str().unwrap(), "--out", dir.path().join("no").to_str().unwrap()]);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(told.contains("transfer.shared: true, but no [[instance]] has"), "{told}");
+}
+
 /// The text of an instance that stands at `count` places of a list, which lie within 20 mm of each other.
 fn many(folder: &Path, count: u64) -> String {
     let places: String = (0..count).map(|k| format!("{} 0 {}\n", k % 7, k % 20)).collect();

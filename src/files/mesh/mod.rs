@@ -60,12 +60,15 @@ impl LeafMesh {
         self.indices.extend(other.indices.iter().map(|i| i + first));
     }
 
+    /// Lowest and highest corner of the box around every vertex; `None` without vertices.
+    pub fn extent(&self) -> Option<[DVec3; 2]> {
+        let first = *self.positions.first()?;
+        Some(self.positions.iter().fold([first; 2], |[low, high], p| [low.min(*p), high.max(*p)]))
+    }
+
     /// Centre and radius of a sphere around every vertex.
     pub fn bounds(&self) -> (DVec3, f64) {
-        let (low, high) = self
-            .positions
-            .iter()
-            .fold((DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY)), |(a, b), p| (a.min(*p), b.max(*p)));
+        let [low, high] = self.extent().unwrap_or([DVec3::INFINITY, DVec3::NEG_INFINITY]);
         let centre = (low + high) / 2.0;
         (centre, self.positions.iter().map(|p| p.distance(centre)).fold(0.0, f64::max))
     }

@@ -1,6 +1,6 @@
 //! The anchors of a scene, and the place where the rows of each instance begin.
 
-use crate::transfer::Options;
+use crate::transfer::{Options, TransferScene};
 use mesophyll_transport::transfer::{MeshAnchors, TransferRows};
 use mesophyll_transport::world::{ReferenceLeaf, ReferenceWorld};
 use std::ops::Range;
@@ -27,14 +27,16 @@ pub struct TransferLayout {
     pub ground: Option<usize>,
     /// Number of anchors of each instance that has rows of its own; 0 for the others.
     each: Vec<usize>,
+    /// For each instance, the one whose rows it shows. Those beyond the end show their own.
+    sources: Vec<usize>,
 }
 
 impl TransferLayout {
-    /// The layout of a world. Its first `leaves` leaves are leaves, and the others are wood or ground. An instance that
-    /// is not `seen` gets no rows of its own, because no picture shows its light. It shares the rows of another
-    /// instance of the same leaf.
-    pub fn new(world: &ReferenceWorld, leaves: usize, seen: &[bool], options: &Options) -> TransferLayout {
-        let of = |(k, leaf): (usize, &ReferenceLeaf)| match k < leaves {
+    /// The layout of a scene. An instance that is not seen gets no rows of its own, because no picture shows its light.
+    /// It shares the rows of another instance of the same leaf, and so does one that shows the light of another.
+    pub fn new(scene: &TransferScene, options: &Options) -> TransferLayout {
+        let TransferScene { world, leaves, seen, sources, .. } = scene;
+        let of = |(k, leaf): (usize, &ReferenceLeaf)| match k < *leaves {
             true => LeafRows {
                 anchors: MeshAnchors::on_leaf(leaf, options.anchors),
                 rows: if glossy(leaf) { TransferRows::Glossy(options.gloss_bands) } else { TransferRows::Both },
@@ -60,9 +62,10 @@ impl TransferLayout {
             rows += each[k] * of.rows.count();
         }
         for (k, p) in world.instances.iter().enumerate().filter(|(k, _)| !own(*k)) {
-            first[k] = stands_for[p.leaf].map_or(0, |other| first[other]);
+            let source = sources.get(k).copied().filter(|s| own(*s));
+            first[k] = source.or(stands_for[p.leaf]).map_or(0, |other| first[other]);
         }
-        TransferLayout { leaves, first, rows, ground: world.ground, each }
+        TransferLayout { leaves, first, rows, ground: world.ground, each, sources: sources.clone() }
     }
 
     /// Number of anchors of all instances together.
@@ -73,6 +76,11 @@ impl TransferLayout {
     /// Whether an instance has rows of its own.
     pub fn is_own(&self, instance: usize) -> bool {
         self.each[instance] > 0
+    }
+
+    /// Whether pictures show the light of an instance: it has rows of its own, or shows those of another one.
+    pub fn is_lit(&self, instance: usize) -> bool {
+        self.is_own(self.sources.get(instance).copied().unwrap_or(instance))
     }
 
     /// Number of rows that belong to one instance alone.

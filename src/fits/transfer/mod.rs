@@ -62,6 +62,9 @@ pub struct TransferScene {
     pub leaves: usize,
     /// Whether any picture will show each instance. Instances beyond the end of the list count as shown.
     pub seen: Vec<bool>,
+    /// For each instance, the instance of the same leaf whose light it shows: itself, or another one, which stands for
+    /// it. One that shows another's light does not count as seen. Instances beyond the end show their own.
+    pub sources: Vec<usize>,
     /// The sun whose shadows are computed too ([`TransferScene::under_sun`]).
     pub sun: Option<TransferSun>,
 }
@@ -104,7 +107,7 @@ fn fit(scene: &TransferScene, options: &Options, maker: &mut FitMaker) -> Result
         return Ok(found);
     }
     let world = &*scene.world;
-    let layout = maker.phase("anchors", || Ok(TransferLayout::new(world, scene.leaves, &scene.seen, options)))?;
+    let layout = maker.phase("anchors", || Ok(TransferLayout::new(scene, options)))?;
     let columns = options.columns.count();
     let bytes = (layout.rows * columns) as u64 * BYTES_AN_ENTRY;
     memory::require(bytes, &format!("the transfer of {} anchors", layout.anchors()))?;
@@ -187,6 +190,9 @@ pub fn input_hash(scene: &TransferScene, options: &Options) -> String {
         "{:?} {:?} {} {} {} {:?}",
         options.anchors, options.columns, options.gloss_bands, options.paths, options.seed, scene.seen
     );
+    if !scene.sources.is_empty() {
+        told += &format!(" {:?}", scene.sources);
+    }
     if options.method != TransferMethod::Paths {
         told += &format!(" {:?}", options.method);
     }

@@ -56,7 +56,7 @@ impl TransferFit {
             return Ok(None);
         }
         record.verify(folder)?;
-        let layout = TransferLayout::new(&scene.world, scene.leaves, &held.seen, options);
+        let layout = TransferLayout::new(&held, options);
         let scale = crate::transfer::matter::scale(&scene.world, options.columns);
         let entries = entries(&folder.join(OPERATORS), layout.rows * options.columns.count())?;
         Ok(Some(TransferFit {

@@ -36,7 +36,14 @@ fn scene() -> TransferScene {
         .map(|k| ReferencePlacement { leaf: 0, transform: DMat4::from_translation(DVec3::Z * 4.0 * f64::from(k)) })
         .collect();
     let world = ReferenceWorld { leaves: vec![leaf], instances, sky: Some([1.0; 3]), ..ReferenceWorld::default() };
-    TransferScene { name: "stack".into(), world: Arc::new(world), leaves: 1, seen: Vec::new(), sun: None }
+    TransferScene {
+        name: "stack".into(),
+        world: Arc::new(world),
+        leaves: 1,
+        seen: Vec::new(),
+        sources: Vec::new(),
+        sun: None,
+    }
 }
 
 fn options(columns: TransferColumns) -> Options {
@@ -146,6 +153,32 @@ fn what_is_never_seen_has_no_rows() {
     assert_eq!(middle, entries[one..2 * one]);
     // Where no instance of a leaf is seen, one of them has rows all the same.
     assert_eq!(rows(&[false; 3]).1, entries[..one]);
+}
+
+/// Instances that show the light of another one point to its rows. A transfer in which each has rows of its own, or
+/// others stand for them, is another one.
+#[test]
+fn copies_show_the_light_of_the_one_that_stands_for_them() {
+    let (whole, dir) = (scene(), tempfile::tempdir().unwrap());
+    let options = options(TransferColumns::Light);
+    let make = |sources: &[usize]| {
+        let seen = sources.iter().enumerate().map(|(k, s)| k == *s).collect();
+        let scene = TransferScene { seen, sources: sources.to_vec(), ..whole.clone() };
+        let out = dir.path().join(format!("{sources:?}"));
+        run(&scene, &[], &out, &options).unwrap();
+        (TransferFit::open(&out, &scene, &options).unwrap().unwrap(), scene, out)
+    };
+    let ((all, ..), (some, scene, out)) = (make(&[]), make(&[1, 1, 2]));
+    let one = 6 * 6;
+    assert_eq!(some.layout.first, [0, 0, one]);
+    assert_eq!(some.entries, all.entries[one..3 * one]);
+    assert_eq!(
+        [0, 1, 2].map(|k| (some.layout.is_own(k), some.layout.is_lit(k))),
+        [(false, true), (true, true), (true, true)]
+    );
+    let (_, other, _) = make(&[0, 0, 2]);
+    assert!(TransferFit::open(&out, &scene, &options).unwrap().is_some());
+    assert!([&other, &whole].iter().all(|s| TransferFit::open(&out, s, &options).unwrap().is_none()));
 }
 
 /// A sun that moves freely gets the map of its last place, and rays confirm it. No map is asked for while the sun

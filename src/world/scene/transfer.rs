@@ -6,9 +6,9 @@ use crate::draw::reference;
 use crate::loaded::LoadedScene;
 use crate::placed::daylight::sun_directions;
 use crate::placed::ledger::Ledger;
-use crate::plan::levels;
 pub use crate::plan::transfer::folder;
 use crate::plan::transfer::{GLOSS_BANDS, ball, unseen, views_decide};
+use crate::plan::{levels, shared_light};
 use crate::{Error, Result};
 use mesophyll_files::progress;
 use mesophyll_fits::record::maker::FitOutcome;
@@ -53,8 +53,13 @@ pub fn of(scene: &LoadedScene, options: &Options, ledger: &Ledger) -> Result<fit
     };
     let name = scene.manifest.name.clone();
     let leaves = scene.drawn().count();
-    let seen = shown(scene, &world, ledger)?;
-    let of = fit::TransferScene { name, leaves, world: Arc::new(world), seen, sun: None };
+    let mut seen = shown(scene, &world, ledger)?;
+    let sources = shared_light::sources(&scene.manifest);
+    if !sources.is_empty() {
+        seen.resize(world.instances.len(), true);
+        seen = shared_light::with_anchors(&seen, &sources);
+    }
+    let of = fit::TransferScene { name, leaves, world: Arc::new(world), seen, sources, sun: None };
     let wanted = scene.manifest.transfer.as_ref().zip(scene.manifest.sun.as_ref());
     match wanted.filter(|_| scene.plan.light.between.is_some_and(|b| b.sun_visibility)) {
         Some((asked, sun)) => {

@@ -22,10 +22,10 @@ pub fn arriving(found: &TransferFit, eyes: &[PlanCamera], out: &mut viewer::Scen
             levels: chain(of) as u32,
         });
     }
-    // Instances that no view shows share the rows of another instance.
+    // Instances that no view shows point to the rows of another instance.
     let mut kept: BTreeMap<(usize, usize), usize> = BTreeMap::new();
     let places = || out.instances.iter().zip(&found.layout.first);
-    for (_, (instance, first)) in places().enumerate().filter(|(k, _)| found.layout.is_own(*k)) {
+    for (_, (instance, first)) in places().enumerate().filter(|(k, _)| found.layout.is_lit(*k)) {
         let (mesh, of) = (&out.meshes[instance.mesh], &found.layout.leaves[instance.mesh]);
         // Wood and ground have one level.
         let level = if chain(of) == 1 { 0 } else { levels::finest(ball(mesh, instance), of.anchors.grid, eyes) };

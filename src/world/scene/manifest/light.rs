@@ -164,6 +164,9 @@ pub struct SceneTransfer {
     pub bands: Option<usize>,
     /// Seed of the random numbers.
     pub seed: u64,
+    /// Whether the copies that an `[[instance]]` places by a list show the light of one of them
+    /// ([`crate::plan::shared_light::sources`]).
+    pub shared: bool,
     /// How the sun's own shadows are drawn.
     pub shadows: SceneShadows,
     /// With `shadows = "visibility"`, the longest edge of the meshes. The share of the sun is known at their vertices.
@@ -179,6 +182,7 @@ impl Default for SceneTransfer {
             paths: 2048,
             bands: None,
             seed: 1,
+            shared: false,
             shadows: SceneShadows::default(),
             edge_mm: 1.2,
         }

@@ -220,7 +220,7 @@ impl SceneManifest {
     /// Replaces an instance with a list of positions by one instance for each position.
     fn spread(&mut self) -> Result<()> {
         let mut out = Vec::new();
-        for instance in &self.instances {
+        for (table, instance) in self.instances.iter().enumerate() {
             let Some(file) = &instance.positions else {
                 out.push(instance.clone());
                 continue;
@@ -228,7 +228,7 @@ impl SceneManifest {
             let unit = instance.unit.unwrap_or(LengthUnit::Metre).mm();
             for at in numbers::read::<3>(&self.resolve(file), "x y z")? {
                 let position_mm = [0, 1, 2].map(|k| instance.position_mm[k] + unit * at[k]);
-                out.push(SceneInstance { position_mm, positions: None, ..instance.clone() });
+                out.push(SceneInstance { position_mm, positions: None, list: Some(table), ..instance.clone() });
             }
         }
         self.instances = out;

@@ -27,6 +27,9 @@ pub struct SceneInstance {
     pub positions: Option<PathBuf>,
     /// Unit of that list; metres when absent.
     pub unit: Option<LengthUnit>,
+    /// Of an instance that a list of places makes: the number of its table.
+    #[serde(skip)]
+    pub list: Option<usize>,
 }
 
 /// What a scene states about a branch of a plant, or about all branches of a level, instead of the plant's file.

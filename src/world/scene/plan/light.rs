@@ -14,8 +14,9 @@ use mesophyll_sky::SkyModel;
 use mesophyll_transport::tone::display;
 use std::time::Instant;
 
-/// Texels along a side of a shadow map.
+/// Texels along a side of a shadow map, and of the finest one, which every adapter has.
 const SHADOW_SIDE: u64 = 2048;
+const FINEST_SIDE: u64 = 8192;
 
 /// Decides about sun, shadows and sky. Where camera and sun are free, shadows are always possible.
 ///
@@ -153,15 +154,47 @@ fn shadows(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut ScenePlan,
         Err(_) => PlanNeed::new("shadow maps", "leaves can stand in each other's light"),
     };
     if let Some(row) = row {
-        plan.light.shadow_samples = row.setting as u32;
-        plan.light.shadow_resolution = SHADOW_SIDE as u32;
-        need.amount = Some(format!(
-            "{} over the sun's disk, {SHADOW_SIDE} texels a side, displayed error {:.1e} (measured)",
-            row.setting, row.error
-        ));
+        let still = !placed.free && !placed.moves().any() && placed.stands.is_empty();
+        let (maps, side) = match still.then(|| extents(placed)).flatten() {
+            Some((width, height)) => finer(row.setting, width, 2.0 * radius.tan() * 0.5 * height),
+            None => (row.setting, SHADOW_SIDE),
+        };
+        plan.light.shadow_samples = maps as u32;
+        plan.light.shadow_resolution = side as u32;
+        let error = match maps == row.setting {
+            true => format!("displayed error {:.1e} (measured)", row.error),
+            false => "fewer and finer ones, because penumbras are narrower than a texel".into(),
+        };
+        need.amount = Some(format!("{maps} over the sun's disk, {side} texels a side, {error}"));
         need.bytes = Some(row.bytes);
     }
     plan.need(need);
+}
+
+/// The width of all that casts shadows, and its height over the lowest point of it or the ground (mm).
+fn extents(placed: &PlacedScene) -> Option<(f64, f64)> {
+    let boxes: Vec<Option<[DVec3; 2]>> = placed.leaves.iter().map(|leaf| leaf.mesh.as_ref()?.extent()).collect();
+    let corners = placed.placements.iter().filter_map(|p| Some((boxes[p.leaf]?, p.transform))).flat_map(|(of, at)| {
+        (0..8).map(move |k: usize| at.transform_point3(DVec3::new(of[k & 1].x, of[k >> 1 & 1].y, of[k >> 2].z)))
+    });
+    let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+    let ground = placed.ground.as_ref().and_then(|(mesh, _)| Some(mesh.extent()?[0].z));
+    let far = high - low;
+    (far.max_element() > 0.0).then(|| (far.max_element(), high.z - low.z.min(ground.unwrap_or(low.z))))
+}
+
+/// Fewer and finer maps with as many texels in all, and their side. A penumbra of this width (mm) takes all the parts
+/// of the sun's disk that texels can tell apart, and no more.
+fn finer(maps: usize, width: f64, penumbra: f64) -> (usize, u64) {
+    let (mut maps, mut side) = (maps, SHADOW_SIDE);
+    while side < FINEST_SIDE && maps >= 4 {
+        let texel = width / (2 * side) as f64;
+        if ((maps / 4) as f64) < (penumbra / texel).powi(2) {
+            break;
+        }
+        (maps, side) = (maps / 4, 2 * side);
+    }
+    (maps, side)
 }
 
 /// The largest distance (mm) between points of any two of these balls. Balls far from the middle are tried first. A
@@ -214,6 +247,17 @@ pub fn absent_models(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A low lawn takes one fine map, a crown all parts of the sun's disk, and what is between both takes some of them.
+    #[test]
+    fn low_scenes_have_finer_maps() {
+        for (width, penumbra, expected) in
+            [(14_000.0, 0.3, (1, 8192)), (3000.0, 9.0, (16, 2048)), (14_000.0, 3.0, (4, 4096)), (1.0, 0.0, (1, 8192))]
+        {
+            assert_eq!(finer(16, width, penumbra), expected, "{width} {penumbra}");
+        }
+        assert_eq!([1, 8].map(|n| finer(n, 14_000.0, 0.3)), [(1, 2048), (2, 4096)]);
+    }
 
     /// The reach is that of all pairs, which are looked at one by one.
     #[test]

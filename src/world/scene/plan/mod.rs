@@ -15,6 +15,7 @@ pub mod leaf;
 pub mod levels;
 mod light;
 mod needs;
+pub mod shared_light;
 pub mod transfer;
 mod unknowns;
 mod warnings;

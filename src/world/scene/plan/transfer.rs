@@ -1,6 +1,6 @@
 //! The plan of light between leaves: whether there is any, and the settings of its transfer.
 
-use super::{PlanNeed, PlanOmission, ScenePlan, TransferPlan, levels};
+use super::{PlanNeed, PlanOmission, ScenePlan, TransferPlan, levels, shared_light};
 use crate::Result;
 use crate::manifest::{SceneManifest, SceneShadows, SceneTransfer};
 use crate::placed::PlacedScene;
@@ -9,6 +9,7 @@ use crate::placed::placement::LeafPlacement;
 use glam::DVec3;
 use mesophyll_fits::transfer::BYTES_AN_ENTRY;
 use mesophyll_transport::transfer::TransferMethod;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Number of bands of a glossy leaf under a light that stands still: all that the renderer supports.
@@ -101,11 +102,14 @@ pub fn between(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut SceneP
     let shines = |k: usize| manifest.leaves[k].uniform().is_none_or(|u| u.gloss().is_some());
     let gloss: Vec<bool> =
         plan.leaves.iter().enumerate().map(|(k, l)| shines(k) && l.sides.iter().any(|s| s.gloss)).collect();
-    let of = |seen: bool, bands: usize| {
-        let placements = placed.placements.iter().filter(|p| unseen(manifest, placed, p) != seen);
+    let seen: Vec<bool> = placed.placements.iter().map(|p| !unseen(manifest, placed, p)).collect();
+    let sources = shared_light::sources(manifest);
+    let own = shared_light::with_anchors(&seen, &sources);
+    let of = |which: &dyn Fn(usize) -> bool, bands: usize| {
+        let placements = placed.placements.iter().enumerate().filter(|(k, _)| which(*k)).map(|(_, p)| p);
         rows(asked, placements, &gloss, bands) as u64
     };
-    let entries = |bands: usize| of(true, bands) * (bands * bands * 8) as u64;
+    let entries = |bands: usize| of(&|k| own[k], bands) * (bands * bands * 8) as u64;
     if stands_alone(manifest, placed) {
         let why = "one leaf stands alone: no other sends it light or hides the sky";
         let bytes = entries(asked.bands.unwrap_or(BANDS));
@@ -114,28 +118,41 @@ pub fn between(manifest: &SceneManifest, placed: &PlacedScene, plan: &mut SceneP
     }
     let moves = placed.free || manifest.sun_moves();
     let bands = asked.bands.or_else(|| moves.then_some(BANDS));
-    let beside = placed.placements.iter().filter(|p| unseen(manifest, placed, p)).count();
+    let beside = seen.iter().filter(|seen| !**seen).count();
+    let copies = (0..own.len()).filter(|k| seen[*k] && !own[*k]).count();
     // An existing transfer is only read. If it turns out to be of another scene, the fit checks the memory.
     if !may_be_there(manifest, placed, bands) {
-        let count = of(true, bands.unwrap_or(GLOSS_BANDS)) * bands.map_or(1, |b| b * b) as u64;
+        let count = of(&|k| own[k], bands.unwrap_or(GLOSS_BANDS)) * bands.map_or(1, |b| b * b) as u64;
         let what = format!(
             "{}: transfer: {count} entries ({along} by {across} anchors on each of {} leaves, {})",
             manifest.path.display(),
-            placed.placements.len() - beside,
+            own.iter().filter(|own| **own).count(),
             bands.map_or("one column".into(), |b| format!("{b} bands"))
         );
         mesophyll_files::memory::require(count.saturating_mul(BYTES_AN_ENTRY), &what)?;
     }
+    let columns = bands.map_or(1, |b| b * b) as u64;
+    if copies > 0 {
+        let why = format!("{copies} of {} leaves show the light of another copy of their list", own.len());
+        let saved = of(&|k| seen[k] && !own[k], bands.unwrap_or(GLOSS_BANDS)) * columns * 8;
+        plan.leave_out(PlanOmission::new("light at every copy", why, saved, None));
+    }
     if beside > 0 {
         let why = format!("no view shows {beside} of {} leaves: nothing arrives at them", placed.placements.len());
-        let columns = bands.map_or(1, |b| b * b) as u64;
-        let saved = of(false, bands.unwrap_or(BANDS)) * columns * 8;
+        let saved = of(&|k| !seen[k], bands.unwrap_or(BANDS)) * columns * 8;
         plan.leave_out(PlanOmission::new("light at leaves beside the pictures", why, saved, None));
     }
     let eyes = levels::eyes(manifest, placed);
     let (mut far, mut finer) = (0, 0);
-    for p in placed.placements.iter().filter(|p| !unseen(manifest, placed, p)) {
+    // Of copies that show the same light, the one that is nearest to an eye decides.
+    let mut levels_of: BTreeMap<usize, usize> = BTreeMap::new();
+    for (k, p) in placed.placements.iter().enumerate().filter(|(k, _)| seen[*k]) {
         let finest = ball(placed, p).map_or(0, |ball| levels::finest(ball, asked.anchors, &eyes));
+        let of = levels_of.entry(shared_light::source(&sources, k)).or_insert(finest);
+        *of = finest.min(*of);
+    }
+    for (k, finest) in levels_of {
+        let p = &placed.placements[k];
         far += usize::from(finest > 0);
         finer += levels::finer(asked.anchors, finest) * rows_an_anchor(gloss[p.leaf], bands.unwrap_or(GLOSS_BANDS));
     }

@@ -47,6 +47,10 @@ pub fn lights(p: &ManifestText) -> Result<()> {
         if let Some(bands) = transfer.bands {
             p.range(HEADER, 0, "bands", bands as f64, [1.0, 7.0], "bands")?;
         }
+        if transfer.shared && p.manifest.instances.iter().all(|i| i.positions.is_none() && i.list.is_none()) {
+            let why = "true, but no [[instance]] has a list of positions, whose copies would share their light";
+            return Err(p.error(HEADER, 0, "shared", why));
+        }
         for (given, what) in [
             (p.manifest.periodic.is_some(), "in a scene that repeats"),
             (p.manifest.panorama().is_some(), "under an environment map"),
