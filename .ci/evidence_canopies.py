@@ -52,7 +52,7 @@ def reflectance_factors(run, data, folder):
         # Wilson & Hilferty 1931.
         z = ((chi2 / n) ** (1 / 3) - (1 - 2 / (9 * n))) / math.sqrt(2 / (9 * n))
         yield f"RAMI-3 {name.upper()}: χ² of {n} reflectance factors", chi2, "", \
-            f"p = {0.5 * math.erfc(z / math.sqrt(2)):.2g}; {PATHS} paths a direction, standard error {100 * error:.2g} %"
+            f"p = {0.5 * math.erfc(z / 2**0.5):.2g}; {PATHS} paths a direction, standard error {100 * error:.2g} %"
         yield f"RAMI-3 {name.upper()}: mean ratio to the ROMC", ratio, "", "the mean over these directions"
         yield f"RAMI-3 {name.upper()}: time", seconds, "s", "of these directions, with reading"
 

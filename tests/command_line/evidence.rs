@@ -76,3 +76,39 @@ fn every_cited_row_is_there_with_its_value() {
     }
     assert!(cited > 0, "no page cites a measured row");
 }
+
+/// The tables of totals on the page of the random walk show the measured rows: for each of the walk's totals a line has
+/// it with its error, and beside it what a form is off by (per cent).
+#[test]
+fn the_page_of_the_random_walk_shows_the_measured_totals() {
+    let page = std::fs::read_to_string(docs().join("evidence/translucency-walk.md")).unwrap();
+    let number = |text: &str| text.split_whitespace().next().and_then(|word| word.parse::<f64>().ok());
+    let mut shown = 0;
+    for row in rows("measured.csv").iter().filter(|row| row["what"].starts_with("oracle: ")) {
+        let forms = [", dipoles 3: ", ", images: ", ", thin: ", ", slab: "];
+        let Some((_, of)) =
+            row["note"].rsplit_once("oracle ").filter(|_| forms.iter().any(|f| row["what"].contains(f)))
+        else {
+            continue;
+        };
+        let Some((total, error)) = of.split_once(" ± ").and_then(|(t, e)| Some((number(t)?, e.parse::<f64>().ok()?)))
+        else {
+            continue;
+        };
+        // Smaller totals stand there with other digits.
+        if total < 5e-4 {
+            continue;
+        }
+        let walk = format!("| {total:.4} ± {error:.4} |");
+        let off = row["note"].strip_prefix("error ").and_then(|rest| number(rest.split(':').next()?));
+        let says = |cell: &str| match off {
+            // Rows have three digits.
+            Some(off) => number(cell).is_some_and(|said| (said - 100.0 * off).abs() < 0.06 + 0.6 * off.abs()),
+            None => cell.trim() == "–",
+        };
+        let told = page.lines().any(|line| line.split_once(&walk).is_some_and(|(_, rest)| rest.split('|').any(says)));
+        assert!(told, "{} {}: no line has {walk} and what the form is off by", row["what"], row["note"]);
+        shown += 1;
+    }
+    assert!(shown > 200, "only {shown} rows");
+}
