@@ -10,10 +10,12 @@ ROMC = {
     "het04": (270.0, 0.15, [("sphere", "het04_sphere_discs", "het04_sphere_positions.txt", 0.49, 0.41),
                             ("cylinder", "het04_cylinder_discs", "het04_cylinder_positions.txt", 0.45, 0.3)]),
 }
-PATHS, PATHS_OF_FLUXES = 32768, 1 << 19
+PATHS, PATHS_OF_FLUXES = 1 << 17, 1 << 17
 # The open forest: spheres by leaf area, their radius (m), discs a sphere, and the side of the square (m).
-SPHERES, RADIUS, DISCS, SIDE = {"0.50265": 80, "1.5017": 239, "2.5007": 398}, 5.0, 5000, 250.0
+SPHERES, RADIUS, DISCS, SIDE = {"0.50265": 80, "1.5017": 239, "2.5007": 398}, 5.0, 50000, 250.0
 LEAF_AREA_OF_SPHERE = 5.0
+# Nobody knows where the trees of the published answers stand: the mean over so many random placements is compared.
+PLACEMENTS = 4
 
 
 def scene(file, side_m, leaves, ground, sun_zenith):
@@ -80,22 +82,25 @@ def forest(count, folder, chance):
 
 
 def shares(run, data, folder):
-    worst, inside, cases, seconds = 0.0, 0, 0, 0.0
+    names = {"reflected": "reflected", "absorbed": "absorbed", "transmitted": "transmitted_to_ground"}
+    off, start = {}, time.monotonic()
     for lai, group in SPHERES.items():
-        forest(group, folder, random.Random(1))
-        for row in csv.DictReader((data / "rami4pilps_ofc.csv").open()):
-            if float(row["lai"]) != float(lai):
-                continue
-            leaf = ("tree", "tree", "trees.txt", row["leaf_reflectance"], row["leaf_transmittance"])
-            scene(folder / "forest.toml", SIDE, [leaf], row["soil_albedo"], row["sun_zenith_deg"])
-            found, taken = evaluate(run, folder / "forest.toml", "--fluxes", "--samples", PATHS_OF_FLUXES)
-            known = {"reflected": "reflected", "absorbed": "absorbed", "transmitted": "transmitted_to_ground"}
-            off = max(abs(float(found[0][name]) - float(row[theirs])) for name, theirs in known.items())
-            worst, inside, cases, seconds = max(worst, off), inside + (off <= 0.01), cases + 1, seconds + taken
-    yield "RAMI4PILPS open forest: cases within .01", inside, f"of {cases}", \
-        "absorbed, reflected, transmitted; with one random placement of the trees a density"
-    yield "RAMI4PILPS open forest: largest error", worst, "", f"{PATHS_OF_FLUXES} paths a case"
-    yield "RAMI4PILPS open forest: time", seconds, "s", "of all cases"
+        cases = [row for row in csv.DictReader((data / "rami4pilps_ofc.csv").open()) if float(row["lai"]) == float(lai)]
+        for seed in range(PLACEMENTS):
+            forest(group, folder, random.Random(seed))
+            for k, row in enumerate(cases):
+                leaf = ("tree", "tree", "trees.txt", row["leaf_reflectance"], row["leaf_transmittance"])
+                scene(folder / "forest.toml", SIDE, [leaf], row["soil_albedo"], row["sun_zenith_deg"])
+                found, _ = evaluate(run, folder / "forest.toml", "--fluxes", "--samples", PATHS_OF_FLUXES)
+                for ours, theirs in names.items():
+                    off.setdefault((lai, k), {}).setdefault(ours, []).append(float(found[0][ours]) - float(row[theirs]))
+    worst = [max(abs(sum(each)) / PLACEMENTS for each in case.values()) for case in off.values()]
+    scatter = max(max(each) - min(each) for case in off.values() for each in case.values())
+    yield "RAMI4PILPS open forest: cases within .01", sum(w <= 0.01 for w in worst), f"of {len(worst)}", \
+        f"absorbed, reflected, transmitted; mean of {PLACEMENTS} random placements of the trees"
+    yield "RAMI4PILPS open forest: largest error", max(worst), "", \
+        f"placements differ by up to {scatter:.2g} from each other; {PATHS_OF_FLUXES} paths a case"
+    yield "RAMI4PILPS open forest: time", time.monotonic() - start, "s", "of all cases and placements"
 
 
 def rows(run, folder):

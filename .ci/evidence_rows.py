@@ -39,6 +39,12 @@ def write(file, columns, rows, key, parts=()):
     part.replace(file)
 
 
+def duration(us):
+    """A time in µs as a number below a thousand, and its unit."""
+    size = next(size for size in (1.0, 1e3, 1e6) if size == 1e6 or not us or us < 1e3 * size)
+    return us and us / size, {1.0: "µs", 1e3: "ms", 1e6: "s"}[size]
+
+
 def table(rows):
     """Rows as a Markdown table."""
     cell = lambda text: text.replace("|", "\\|")
