@@ -167,11 +167,11 @@ fn sunlight(text: &mut SourceText) {
     text.keep(ValueType::Wide, "air_mass", &mass);
     text.keep(ValueType::Wide, "haze", &haze);
     PARTS.iter().for_each(|c| text.var(ValueType::Wide, &format!("light_{c}"), &zero));
-    text.each("i", "0", "SKY_WAVELENGTHS");
-    let depth = "(SKY_SUN[5 * i + 3] + haze * SKY_SUN[5 * i + 4])";
+    text.each("w", "0", "SKY_WAVELENGTHS");
+    let depth = "(SKY_SUN[5 * w + 3] + haze * SKY_SUN[5 * w + 4])";
     text.keep(ValueType::Wide, "through", &format!("exp(-air_mass * {depth})"));
     for (k, c) in PARTS.iter().enumerate() {
-        text.line(&format!("light_{c} += through * SKY_SUN[5 * i + {k}];"));
+        text.line(&format!("light_{c} += through * SKY_SUN[5 * w + {k}];"));
     }
     text.close();
     for c in PARTS {
@@ -302,21 +302,21 @@ fn factors(text: &mut SourceText, e: &Evaluator) {
 }
 
 fn chebyshev(text: &mut SourceText, name: &str, of: &str, count: usize) {
-    let step = format!("{} * {of} * {name}[i - 1] - {name}[i - 2]", text.number(2.0));
+    let step = format!("{} * {of} * {name}[{name}_at - 1] - {name}[{name}_at - 2]", text.number(2.0));
     recurrence(text, name, of, count, &step);
 }
 
 fn powers(text: &mut SourceText, name: &str, of: &str, count: usize) {
-    recurrence(text, name, of, count.max(2), &format!("{of} * {name}[i - 1]"));
+    recurrence(text, name, of, count.max(2), &format!("{of} * {name}[{name}_at - 1]"));
 }
 
-/// A list that begins with 1 and `of`.
+/// A list that begins with 1 and `of`. Its index has a name of its own: in HLSL it would hide that of another loop.
 fn recurrence(text: &mut SourceText, name: &str, of: &str, count: usize, step: &str) {
     text.room(ValueType::Wide, name, count);
     text.line(&format!("{name}[0] = {};", text.number(1.0)));
     text.line(&format!("{name}[1] = {of};"));
-    text.each("i", "2", &count.to_string());
-    text.line(&format!("{name}[i] = {step};"));
+    text.each(&format!("{name}_at"), "2", &count.to_string());
+    text.line(&format!("{name}[{name}_at] = {step};"));
     text.close();
 }
 

@@ -184,7 +184,6 @@ pub fn text(folder: &Path, format: ExportFormat, options: &SkyExportOptions) -> 
         return json::fixed(&rotate_z(&harmonics, options.azimuth), &record, options, sun_zenith, turbidity);
     };
     let mut text = SourceText::new(language, &about(&record, &form, options, closed)?);
-    text.constant(ValueType::Whole, "SKY_BANDS", &form.bands().to_string());
     let sun_zenith = sun_zenith.min(FRAC_PI_2);
     let sky = SkyConstants { sun_zenith, azimuth: options.azimuth, turbidity, harmonics, ground };
     state::constants(&mut text, &sky, closed).map_err(refused)?;
