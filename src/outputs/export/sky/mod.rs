@@ -10,7 +10,7 @@ mod state;
 
 use super::ExportFormat;
 use crate::{Error, Result};
-use language::{SourceLanguage, SourceText, ValueType};
+use language::{SourceLanguage, SourceText};
 use mesophyll_fits::record::FitRecord;
 use mesophyll_fits::sky::{SkyFitForm, folder};
 use mesophyll_sky::harmonics::rotate_z;
