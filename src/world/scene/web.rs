@@ -16,6 +16,8 @@ use std::sync::Arc;
 
 /// Columns of the picture of a sky, which would be most of the file otherwise.
 const SKY: usize = 1024;
+/// Texels along a side of a shadow map that every browser can hold (WebGL 2 promises no more).
+const SHADOW_SIDE: u32 = 2048;
 
 /// Everything that the browser needs of a scene. `pictures` is the folder of a run or check, whose reference pictures
 /// are taken over. The plants stand as in the first view.
@@ -38,6 +40,10 @@ pub fn bundle(scene: &LoadedScene, pictures: &Path, ledger: &Ledger) -> Result<B
     if let Some(wind) = &mut drawn.wind {
         wind.time_s = time_s;
     }
+    // As many texels in maps that every browser can hold.
+    let finer = (drawn.shadow_resolution / SHADOW_SIDE).max(1);
+    drawn.shadow_resolution /= finer;
+    drawn.shadow_samples *= finer * finer;
     // The grain of the ground would be most of the file.
     for material in &mut drawn.materials {
         if let viewer::Material::Opaque(opaque) = material {

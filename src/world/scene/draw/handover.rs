@@ -4,16 +4,14 @@
 
 use super::card::LeafCard;
 use super::leaf_maps;
-use super::sections::{BarkSections, above, maps_of_sun, plants, stands};
-use super::{detail, far_wood, grass, soil, transfer, tubes};
+use super::sections::{BarkSections, maps_of_sun, plants, stands};
+use super::{detail, far_wood, floor, grass, soil, transfer, tubes};
 use crate::loaded::LoadedScene;
 use crate::loaded::curve::curve;
 use crate::manifest::SceneManifest;
 use crate::placed::PlacedScene;
 use crate::placed::daylight::{self, Daylight};
 use crate::placed::ledger::Ledger;
-use crate::placed::placement::LeafPlacement;
-use crate::placed::plant::PlacedWood;
 use crate::placed::stand::PlacedStand;
 use crate::plan::levels;
 use crate::world::{SceneWorld, WorldInstance, WorldLights, WorldMaterial, WorldSky, WorldSurface};
@@ -106,7 +104,7 @@ pub fn scene(scene: &LoadedScene, ledger: &Ledger) -> Result<viewer::Scene> {
         ground.floor = !placed.free
             && out.sun.is_some_and(|s| s.direction.z > 0.0)
             && manifest.ground.as_ref().is_some_and(|g| g.hill.is_none())
-            && below_all(placed);
+            && floor::hides_what_is_below(manifest, placed);
     }
     for stand in 0..placed.stands.len() {
         let wood = |surface| WorldInstance { surface, transform: DMat4::IDENTITY, section: None };
@@ -188,27 +186,6 @@ fn append(mesh: &mut viewer::Mesh, levels: Vec<detail::MeshDetailLevel>, vertice
         error: level.error_mm as f32,
         outline_only: level.outline_only,
     }));
-}
-
-/// Whether the ground lies below everything else in the scene.
-fn below_all(placed: &PlacedScene) -> bool {
-    let Some((ground, _)) = &placed.ground else { return false };
-    let height = ground.positions.first().map_or(0.0, |p| p.z);
-    let wood = |w: &PlacedWood| {
-        let above = |place: &DMat4| w.mesh.positions.iter().all(|v| place.transform_point3(*v).z >= height);
-        w.places.iter().all(above)
-    };
-    let balls: Vec<Option<(DVec3, f64)>> =
-        placed.leaves.iter().map(|l| l.mesh.as_ref().map(LeafMesh::bounds)).collect();
-    let leaf = |p: &LeafPlacement| {
-        let (mesh, (centre, radius)) = (placed.leaves[p.leaf].mesh.as_ref()?, balls[p.leaf]?);
-        let low = p.transform.transform_point3(centre).z - radius * p.transform.x_axis.truncate().length();
-        // Of most leaves the ball is above the ground, so that no vertex is looked at.
-        Some(low >= height || mesh.positions.iter().all(|v| p.transform.transform_point3(*v).z >= height))
-    };
-    placed.wood.iter().all(wood)
-        && placed.standing().filter_map(leaf).all(|b| b)
-        && placed.stands.iter().all(|stand| above(stand, placed, height))
 }
 
 fn material(manifest: &SceneManifest, surface: &WorldSurface, ledger: &Ledger) -> Result<viewer::Material> {

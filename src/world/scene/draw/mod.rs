@@ -8,6 +8,7 @@ pub mod detail;
 #[cfg(feature = "render")]
 pub mod far_wood;
 pub mod flat_blade;
+mod floor;
 pub mod grass;
 #[cfg(feature = "render")]
 pub mod handover;

@@ -67,22 +67,6 @@ pub fn stands(placed: &PlacedScene, out: &mut viewer::Scene) {
     }));
 }
 
-/// Whether all plants of a stand are above a height (mm), as far as boxes around a plant at rest tell.
-pub fn above(stand: &PlacedStand, placed: &PlacedScene, height: f64) -> bool {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut add = |p: DVec3| (low, high) = (low.min(p), high.max(p));
-    for (leaf, mesh) in stand.leaves.iter().filter_map(|p| Some((p, placed.leaves[p.leaf].mesh.as_ref()?))) {
-        mesh.positions.iter().for_each(|p| add(leaf.transform.transform_point3(*p)));
-    }
-    stand.wood.iter().flat_map(|wood| &wood.mesh.positions).for_each(|p| add(*p));
-    let corner = |k: usize| {
-        let pick = |bit: usize, l: f64, h: f64| if k & bit == 0 { l } else { h };
-        DVec3::new(pick(1, low.x, high.x), pick(2, low.y, high.y), pick(4, low.z, high.z))
-    };
-    let stands = |(place, _): &(DMat4, u32)| (0..8).all(|k| place.transform_point3(corner(k)).z >= height);
-    low.x > high.x || stand.places.iter().all(stands)
-}
-
 /// The number of shadow maps beyond which a scene with stands gains nothing: their texels are as wide as what stands
 /// there over the maps' side, and within a texel the parts of the sun's disk are not told apart. `None` without stands.
 pub fn maps_of_sun(placed: &PlacedScene, out: &viewer::Scene) -> Option<u32> {

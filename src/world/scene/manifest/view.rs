@@ -152,12 +152,11 @@ impl PerspectiveView {
 /// Where a view is seen from.
 fn camera(t: &mut StatedTable) -> Result<ReferenceCamera> {
     let (eye, target, up) = (t.needed::<[f64; 3]>("eye_mm")?, t.needed::<[f64; 3]>("target_mm")?, t.stated("up")?);
-    Ok(ReferenceCamera {
-        eye: eye.into(),
-        target: target.into(),
-        up: up.map_or(DVec3::Z, <[f64; 3]>::into),
-        fov_y_deg: t.needed("fov_deg")?,
-    })
+    let (eye, target): (DVec3, DVec3) = (eye.into(), target.into());
+    // A camera that looks straight down or up has north above.
+    let level = (target - eye).truncate() != glam::DVec2::ZERO;
+    let usual = if level { DVec3::Z } else { DVec3::Y };
+    Ok(ReferenceCamera { eye, target, up: up.map_or(usual, <[f64; 3]>::into), fov_y_deg: t.needed("fov_deg")? })
 }
 
 /// The exposure of a camera, for pictures that are made to be looked at (`mesophyll render --tone film`).
