@@ -9,7 +9,6 @@ use super::{detail, far_wood, floor, grass, soil, transfer, tubes};
 use crate::loaded::LoadedScene;
 use crate::loaded::curve::curve;
 use crate::manifest::SceneManifest;
-use crate::placed::PlacedScene;
 use crate::placed::daylight::{self, Daylight};
 use crate::placed::ledger::Ledger;
 use crate::placed::stand::PlacedStand;
