@@ -39,6 +39,14 @@ def write(file, columns, rows, key, parts=()):
     part.replace(file)
 
 
+def ways_to_light(found):
+    """Rows of `check --compare-methods`."""
+    for row in found["methods"]:
+        note = f"99 % of FLIP {row['flip_p99']:.3g}, radiance off by {100 * row['rms_over_mean']:.3g} % RMS, " \
+            f"{row['light_bytes'] / 1e6:.3g} MB of light"
+        yield f"{row['view']}: {row['method']}", row["milliseconds"], "ms a picture", note
+
+
 def duration(us):
     """A time in µs as a number below a thousand, and its unit."""
     size = next(size for size in (1.0, 1e3, 1e6) if size == 1e6 or not us or us < 1e3 * size)
