@@ -25,6 +25,10 @@ pub const DEEPEST: usize = 64;
 /// The largest number of triangles of a file. No renderer here draws more in a useful time.
 pub const MOST_TRIANGLES: usize = 5_000_000;
 
+/// The member of a primitive's `extras` that marks it as the back of a leaf: the triangles of a front that is in the
+/// same mesh, seen from behind and a leaf's thickness away. Readers of shapes leave it out, for a leaf is one surface.
+pub const BACK_OF_LEAF: &str = "back_of_leaf";
+
 /// A file with all its buffers in memory.
 #[derive(Debug)]
 pub struct GltfDocument {
@@ -198,7 +202,7 @@ pub struct GltfPrimitive {
 }
 
 /// Reads the triangles of `primitive`, which is called `field` in messages. Strips and fans come as single triangles;
-/// points and lines have none.
+/// points and lines have none, and neither has the [back of a leaf](BACK_OF_LEAF).
 ///
 /// # Errors
 /// [`Error::Input`]: a missing accessor, an index out of range, a place that is not finite.
@@ -221,7 +225,7 @@ pub fn surface(
     if let Some(bad) = listed.iter().find(|&&i| i as usize >= n) {
         return Err(Error::unexpected(path, &of_indices, bad, format!("less than the {n} vertices")));
     }
-    let indices = triangles(primitive.mode(), listed);
+    let indices = if is_back(primitive) { Vec::new() } else { triangles(primitive.mode(), listed) };
     if !indices.len().is_multiple_of(3) {
         return Err(Error::unexpected(path, &of_indices, format!("{} entries", indices.len()), "whole triangles"));
     }
@@ -229,6 +233,12 @@ pub fn surface(
         return Err(Error::field(path, field, "found a vertex that is not finite"));
     }
     Ok(GltfPrimitive { positions, indices })
+}
+
+/// Whether a primitive is marked as the back of a leaf.
+fn is_back(primitive: &gltf::Primitive) -> bool {
+    let said = primitive.extras().as_ref().and_then(|raw| serde_json::from_str::<Value>(raw.get()).ok());
+    said.is_some_and(|said| said[BACK_OF_LEAF].as_bool() == Some(true))
 }
 
 /// The corners of the triangles that a primitive's vertices are joined to (glTF 2.0, §3.7.2.1).

@@ -162,6 +162,8 @@ fn a_card_keeps_its_coordinates_unless_new_ones_are_asked_for() {
             assert!(near(want) || !options.is_empty() && near(turned), "{uvs:?}");
             let up = if k == 0 { 1.0 } else { -1.0 };
             assert!(read(k).read_normals().unwrap().all(|n| n == [0.0, 0.0, up]));
+            // The fitted leaf is 0.1612 mm thick, and the plant is in metres.
+            assert!(read(k).read_positions().unwrap().all(|p| (p[2] - 0.0806e-3 * up).abs() < 1e-9));
         }
         let material = list[0].material();
         assert_eq!(material.alpha_mode(), gltf::material::AlphaMode::Mask);
@@ -190,11 +192,12 @@ fn a_grown_plant_keeps_everything_but_its_leaves() {
     assert_eq!(before["nodes"], after["nodes"]);
     let [a, b] = [&before, &after].map(|r| r["accessors"].as_array().unwrap());
     assert_eq!(a[..], b[..a.len()]);
-    // Branches are found as before.
+    // Branches are found as before, and each leaf once: its back is no leaf of its own.
     let branches = |name: &str| {
         let (code, _, stderr) = mesophyll(&["import", name, "-o", "found"], dir.path());
         assert_eq!(code, 0, "{stderr}");
-        std::fs::read_to_string(dir.path().join("found/branches.csv")).unwrap()
+        let table = |name: &str| std::fs::read_to_string(dir.path().join("found").join(name)).unwrap();
+        (table("branches.csv"), table("leaves.csv").lines().count())
     };
     assert_eq!(branches("twig.glb"), branches("out.glb"));
     if let Some(said) = validated(&dir.path().join("out.glb")) {

@@ -2,7 +2,27 @@
 //! the front's maps.
 
 use glam::{DMat3, DMat4, DVec3};
-use mesophyll_files::mesh::LeafMesh;
+use mesophyll_files::mesh::{self, LeafMesh};
+use mesophyll_transport::world::ReferenceInterior;
+
+/// Half of the thickness (mm) of a leaf of which none is known. Most blades are thicker than 0.1 mm, so this is
+/// less than theirs, and it is more than ten times the rounding of a place in single precision 100 m from the origin.
+pub const HALF_MM: f64 = 0.05;
+
+/// Half of the mean thickness (mm) of the inside of a leaf.
+pub fn half_thickness_mm(interior: &ReferenceInterior) -> f64 {
+    let ReferenceInterior::Scalars { thickness, .. } = interior else { return HALF_MM };
+    let half = 0.5 * thickness.iter().map(|h| f64::from(*h)).sum::<f64>() / thickness.len().max(1) as f64;
+    if half > 0.0 { half } else { HALF_MM }
+}
+
+/// Places `distance` out of a surface, on the side from which its triangles wind counterclockwise. The normals that a
+/// file states do not count: those of a crown may be bent for the light, and point out of the wrong side.
+pub fn raised(positions: &[DVec3], indices: &[u32], distance: f64) -> Vec<[f32; 3]> {
+    let surface = LeafMesh { positions: positions.to_vec(), indices: indices.to_vec(), ..LeafMesh::default() };
+    let out = mesh::vertex_normals(&surface);
+    positions.iter().zip(out).map(|(place, out)| (*place + out * distance).as_vec3().to_array()).collect()
+}
 
 /// Triangles with one entry a vertex in every list but `indices`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -50,6 +70,12 @@ impl ExportMesh {
             out.indices.extend(self.indices.chunks_exact(3).flat_map(corners).map(|k| first + k));
         }
         out
+    }
+
+    /// The surface, `distance` out of the side from which its triangles wind counterclockwise.
+    pub fn raised(self, distance: f64) -> ExportMesh {
+        let places: Vec<DVec3> = self.positions.iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+        ExportMesh { positions: raised(&places, &self.indices, distance), ..self }
     }
 
     /// The same surface seen from behind: the winding of triangles is reversed, normals are turned, and tangents still

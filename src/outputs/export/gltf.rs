@@ -1,5 +1,6 @@
 //! Leaves and scenes as binary glTF 2.0. Every sheet has one primitive for each side, with its own material; textures
-//! are embedded, and nodes scale to metres.
+//! are embedded, and nodes scale to metres. The two sides of a leaf stand its thickness apart: of two surfaces at the
+//! same place, a renderer that does not cull shows either.
 //!
 //! The material has metalness 0, a roughness whose square is the slope of GGX, and KHR_materials_specular with the same
 //! reflectance at normal and grazing incidence, because our gloss has no Fresnel factor: `specularFactor` is the
@@ -16,6 +17,7 @@ use crate::scene::{ExportScene, ExportSheet, ExportSky};
 use crate::{Error, Result};
 use glam::{DMat4, DVec3};
 use mesophyll_files::glb::{self, Glb};
+use mesophyll_files::gltf_file::BACK_OF_LEAF;
 use mesophyll_files::image::to_srgb8;
 use mesophyll_optics::side::Side;
 use serde_json::{Value, json};
@@ -55,8 +57,8 @@ pub fn write(shown: &ExportScene, path: &Path, kind: GltfPurpose) -> Result<Expo
         let sides: Vec<Side> = Side::ALL.into_iter().filter(|s| lit(coat, *s)).collect();
         let mut primitives = Vec::new();
         for side in &sides {
-            let shape = shape(coat.sheet, *side);
-            primitives.push(primitive(&mut file, &shape, materials.len()));
+            let shape = shape(coat.sheet, *side, sides.len());
+            primitives.push(primitive(&mut file, &shape, materials.len(), is_second(*side, sides.len())));
             // A sheet with one side shows this side from behind, too.
             materials.push(material(&mut file, coat, *side, path, translucent, sides.len() == 1)?);
         }
@@ -116,16 +118,30 @@ pub(crate) fn lit(coat: &ExportCoat, side: Side) -> bool {
         })
 }
 
-/// The shape of a side of a sheet, whose normals point out of this side.
-pub(crate) fn shape(sheet: &ExportSheet, side: Side) -> ExportMesh {
-    match side {
+/// The shape of a side of a sheet that shows this many sides. Its normals point out of this side.
+pub(crate) fn shape(sheet: &ExportSheet, side: Side, sides: usize) -> ExportMesh {
+    let own = match side {
         Side::Front => sheet.mesh.clone(),
         Side::Back => sheet.mesh.turned(),
-    }
+    };
+    if sides > 1 { own.raised(sheet.half_mm) } else { own }
 }
 
-/// A shape with a material.
-pub(crate) fn primitive(file: &mut Glb, shape: &ExportMesh, material: usize) -> Value {
+/// Whether a side of a sheet that shows this many sides is the back of a front.
+pub(crate) fn is_second(side: Side, sides: usize) -> bool {
+    side == Side::Back && sides > 1
+}
+
+/// Marks the back of a leaf whose front is in the file as well. Our readers take one of the two.
+pub(crate) fn mark_back(primitive: &mut Value) {
+    if !primitive["extras"].is_object() {
+        primitive["extras"] = json!({});
+    }
+    primitive["extras"][BACK_OF_LEAF] = json!(true);
+}
+
+/// A shape with a material; `second` is the back of a front.
+pub(crate) fn primitive(file: &mut Glb, shape: &ExportMesh, material: usize, second: bool) -> Value {
     let mut attributes = json!({
         "POSITION": file.floats("VEC3", &shape.positions),
         "NORMAL": file.floats("VEC3", &shape.normals),
@@ -134,7 +150,12 @@ pub(crate) fn primitive(file: &mut Glb, shape: &ExportMesh, material: usize) -> 
     if shape.tangents.len() == shape.positions.len() {
         attributes["TANGENT"] = json!(file.floats("VEC4", &shape.tangents));
     }
-    json!({"attributes": attributes, "indices": file.indices(&shape.indices), "material": material, "mode": 4})
+    let indices = file.indices(&shape.indices);
+    let mut out = json!({"attributes": attributes, "indices": indices, "material": material, "mode": 4});
+    if second {
+        mark_back(&mut out);
+    }
+    out
 }
 
 /// A linear value from 0 to 1 as a byte.
@@ -225,7 +246,7 @@ fn with_alpha(path: &Path, [width, height]: [usize; 2], pixel: &dyn Fn(usize) ->
 fn bare(shown: &ExportScene, path: &Path) -> Result<()> {
     let mut file = Glb::default();
     let mut mesh = |(k, sheet): (usize, &ExportSheet)| {
-        let primitives = [primitive(&mut file, &sheet.mesh, k)];
+        let primitives = [primitive(&mut file, &sheet.mesh, k, false)];
         json!({"name": sheet.name, "primitives": primitives})
     };
     let meshes: Vec<Value> = shown.sheets.iter().enumerate().map(&mut mesh).collect();

@@ -3,7 +3,7 @@
 //! The extension places one mesh often, and not a group of meshes. So a plant's leaves of one sheet become either one
 //! mesh at the places of the plant, or stay one leaf at every place of every leaf, whichever takes fewer bytes.
 
-use crate::gltf::{primitive, shape};
+use crate::gltf::{is_second, primitive, shape};
 use crate::scene::{ExportScene, ExportSheet};
 use crate::{Error, Result};
 use glam::{DMat4, DQuat, DVec3};
@@ -61,10 +61,12 @@ pub(crate) fn nodes(
         let (mesh, at) = match merged {
             false => (k, places.iter().flat_map(|place| leaves.iter().map(move |leaf| *place * *leaf)).collect()),
             true => {
-                let primitives: Vec<Value> = sided[k]
-                    .iter()
-                    .map(|(side, material)| primitive(file, &shape(sheet, *side).gathered(&leaves), *material))
-                    .collect();
+                let sides = sided[k].len();
+                let mut one = |(side, material): &(Side, usize)| {
+                    let shape = shape(sheet, *side, sides).gathered(&leaves);
+                    primitive(file, &shape, *material, is_second(*side, sides))
+                };
+                let primitives: Vec<Value> = sided[k].iter().map(&mut one).collect();
                 meshes.push(json!({"name": format!("{} of a plant", sheet.name), "primitives": primitives}));
                 (meshes.len() - 1, places.to_vec())
             }

@@ -3,7 +3,8 @@
 use super::cards::{self, Card, TWIG};
 use super::{Coated, DressResult, Options, Plan, coverage};
 use crate::Result;
-use crate::blade::ExportMesh;
+use crate::blade::{ExportMesh, raised};
+use crate::gltf::{is_second, mark_back};
 use glam::{DVec2, DVec3};
 use gltf::Semantic;
 use gltf::accessor::DataType;
@@ -69,7 +70,7 @@ impl Work<'_> {
         if self.options.scatter && !twigs.is_empty() && !bent {
             let leaves = cards::scatter(self.path, &plan, &twigs, coated)?;
             twigs.iter().flat_map(|card| &card.triangles).for_each(|t| fate[*t] = Fate::Gone);
-            out.extend(self.scattered(&leaves, coated));
+            out.extend(self.scattered(&leaves, coated.half_m / plan.unit_m, coated));
         } else if let Some(largest) = twigs.iter().map(|card| card.length() * plan.unit_m).reduce(f64::max) {
             let why = if self.options.scatter { ", but what moves them cannot move scattered leaves" } else { "" };
             self.done.warnings.push(format!(
@@ -122,7 +123,14 @@ impl Work<'_> {
         }
         for (side, material) in &coated.sides {
             let mut new = front.clone();
-            if *side == Side::Back && coated.sides.len() > 1 {
+            let second = is_second(*side, coated.sides.len());
+            if coated.half_m > 0.0 {
+                let half = coated.half_m / plan.unit_m;
+                let places = raised(&surface.positions, &surface.indices, if second { -half } else { half });
+                new["attributes"]["POSITION"] = json!(self.file.floats("VEC3", &places));
+            }
+            if second {
+                mark_back(&mut new);
                 new["indices"] = json!(self.file.indices(&some(surface, &fate, Fate::Dressed, true)));
                 self.turn(&mut new);
             }
@@ -167,16 +175,16 @@ impl Work<'_> {
         }
     }
 
-    /// The primitives of scattered leaves, one for each side.
-    fn scattered(&mut self, leaves: &LeafMesh, coated: &Coated) -> Vec<Value> {
+    /// The primitives of scattered leaves, one for each side, which stands out by `half` of the file's unit.
+    fn scattered(&mut self, leaves: &LeafMesh, half: f64, coated: &Coated) -> Vec<Value> {
         let mut leaves = leaves.clone();
         leaves.tangents = mesh::vertex_tangents(&leaves);
         let front = ExportMesh::of(&leaves);
         self.done.scattered += front.indices.len() / 6;
-        let both = [front.clone(), front.turned()];
+        let both = [front.clone(), front.turned()].map(|side| side.raised(half));
         let side = |(side, material): &(Side, usize)| {
-            let back = *side == Side::Back && coated.sides.len() > 1;
-            crate::gltf::primitive(self.file, &both[usize::from(back)], *material)
+            let second = is_second(*side, coated.sides.len());
+            crate::gltf::primitive(self.file, &both[usize::from(second)], *material, second)
         };
         coated.sides.iter().map(side).collect()
     }
