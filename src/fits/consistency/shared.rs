@@ -26,7 +26,7 @@ pub(super) fn look(seen: &Seen, out: &mut Vec<String>) {
     if !straight || !seen.settled() || !(0..3).all(|c| seen.as_told(c)) || seen.good.len() < 100 {
         return;
     }
-    let one_pass = seen.record.options.get("passes").is_some_and(|p| p.split_whitespace().count() == 1);
+    let one_pass = seen.record.missing_pass().is_some();
     let robust = seen.record.options.get("robust").is_none_or(|r| r != "false");
     if one_pass || seen.figure("stand_ins").unwrap_or(0.0) > STAND_INS * seen.good.len() as f64 {
         return;

@@ -12,7 +12,7 @@ use crate::leaf::truth::TruthComparison;
 use crate::leaf::{Options, texels};
 use crate::leaf_folder::{BLADE, LeafFitFile, filling, previews};
 use crate::record::fault::{FaultGrade, MeasurementFault};
-use crate::record::scan::ScanRecord;
+use crate::record::scan::{PASSES, ScanRecord};
 use crate::record::{
     DISCARDED, FitParameter, FitRecord, MIRROR, NOISE_SEEN, READINGS, RecordSection, ResidualStatistics,
 };
@@ -62,7 +62,7 @@ pub fn describe(
     say("noise_lightbox", format!("{:?} of a frame's (from the empty box)", level.lightbox));
     say("size", format!("{}x{}", m.width, m.height));
     say("texel_mm", format!("{:?}", m.texel_mm));
-    say("passes", m.passes.iter().map(|p| p.name.name()).collect::<Vec<_>>().join(" "));
+    say(PASSES, m.passes.iter().map(|p| p.name.name()).collect::<Vec<_>>().join(" "));
     say("lightbox_camera_deg", format!("{:?}", m.lightbox.camera_deg));
     say(
         "filled",

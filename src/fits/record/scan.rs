@@ -1,9 +1,13 @@
 //! What a leaf fit records of a scan under a tube: the device, and how well the fit predicts frames it did not see.
 
+use super::FitRecord;
 use mesophyll_capture::manifest::TubeManifest;
 use mesophyll_optics::gloss::{Lobe, LobeKind};
 use mesophyll_optics::tube::{Travel, Tube};
 use serde::{Deserialize, Serialize};
+
+/// Option: names of the passes that were taken.
+pub const PASSES: &str = "passes";
 
 /// The device of a scan as the fit used it; frames are predicted with it. `[scan]` in `fit.toml`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -70,6 +74,14 @@ impl ScanRecord {
     /// Standard deviation of a reading of this value.
     pub fn noise(&self, value: f64) -> f64 {
         (self.noise_relative * value).hypot(self.noise_floor.max(1e-6))
+    }
+}
+
+impl FitRecord {
+    /// The pass that a scan lacks. `None` where both were taken, and for fits of anything else.
+    pub fn missing_pass(&self) -> Option<Travel> {
+        let taken = self.options.get(PASSES)?;
+        [Travel::X, Travel::Y].into_iter().find(|travel| taken.split_whitespace().all(|name| name != travel.name()))
     }
 }
 
@@ -153,6 +165,13 @@ impl LightBoxResiduals {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_scan_of_one_pass_lacks_the_other() {
+        let of = |passes: &str| FitRecord { options: [(PASSES.into(), passes.into())].into(), ..FitRecord::default() };
+        assert_eq!(["x", "y", "x y"].map(|p| of(p).missing_pass()), [Some(Travel::Y), Some(Travel::X), None]);
+        assert_eq!(FitRecord::default().missing_pass(), None);
+    }
 
     #[test]
     fn an_error_of_the_noise_s_size_is_off_by_one() {
