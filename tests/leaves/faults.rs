@@ -101,3 +101,15 @@ fn the_reflectance_of_the_white_sheet_scales_what_is_seen() {
     let output = run(["fit", "leaf", capture.to_str().unwrap(), "-o", dir.path().join("fit").to_str().unwrap()]);
     crate::common::refused(&output, 2, &["capture.toml", "white_reflectance", "found 99", "0.99"]);
 }
+
+#[test]
+fn a_scan_of_one_pass_asks_for_the_other_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture =
+        scan(dir.path(), "balata", &["--size", "24x18", "--frames", "12", "--noise", "0.01", "--passes", "x"]);
+    let fit = dir.path().join("fit");
+    run(["fit", "leaf", capture.to_str().unwrap(), "-o", fit.to_str().unwrap()]);
+    let record = FitRecord::read(&fit).unwrap();
+    let next = record.next_measurement.expect("a pass is missing");
+    assert!(next.sentence.starts_with("pass y, without which the normals' y is undetermined"), "{next:?}");
+}

@@ -257,7 +257,7 @@ impl FitMaker {
         // Of two for the same number, the one that the fit itself states says more.
         let stated = record.next_measurement.take();
         let all = NextMeasurement::of(&record).into_iter().chain(stated);
-        record.next_measurement = all.max_by(|a, b| a.error_now.total_cmp(&b.error_now));
+        record.next_measurement = record.pass_first(all.max_by(|a, b| a.error_now.total_cmp(&b.error_now)));
         self.times.total_s = self.clock.elapsed().as_secs_f64();
         self.times.peak_memory_mib = peak_memory_mib();
         self.times.write(&self.out)?;

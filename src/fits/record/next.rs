@@ -1,6 +1,7 @@
 //! The one measurement that would help a fit most: what it would bring of the number that is known worst.
 
 use super::{FitKind, FitRecord, RecordSection};
+use mesophyll_files::quantity::Quantity;
 pub use mesophyll_optics::slab::inverse::DETERMINED;
 use serde::{Deserialize, Serialize};
 
@@ -9,9 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct NextMeasurement {
     /// The number that is known worst, as `front.sigma_a.B`.
     pub quantity: String,
-    /// Its standard error now, as a share of it.
+    /// Its standard error now, as a share of it; infinite where nothing was measured of it.
     pub error_now: f64,
-    /// The same after the measurement.
+    /// The same after the measurement; NaN where that depends on how the measurement is made.
     pub error_then: f64,
     /// What to measure, as a sentence.
     pub sentence: String,
@@ -61,6 +62,29 @@ impl NextMeasurement {
     }
 }
 
+impl FitRecord {
+    /// What to measure next: the pass that a scan lacks before anything else, because nothing else shows the tilts
+    /// across the other one; then `next`. A sentence that names the pass already stays as it is.
+    pub fn pass_first(&self, next: Option<NextMeasurement>) -> Option<NextMeasurement> {
+        let Some(pass) = self.missing_pass() else { return next };
+        let name = pass.name();
+        let first = format!("pass {name}, without which the normals' {name} is undetermined");
+        match next {
+            Some(next) if next.sentence.starts_with(&first) => Some(next),
+            Some(next) => {
+                Some(NextMeasurement { sentence: format!("{first}; beyond that, {}", next.sentence), ..next })
+            }
+            // How well the tilts will be known depends on the frames of that pass.
+            None => Some(NextMeasurement {
+                quantity: Quantity::Normal.channel(pass as usize),
+                error_now: f64::INFINITY,
+                error_then: f64::NAN,
+                sentence: first,
+            }),
+        }
+    }
+}
+
 fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }
@@ -91,6 +115,7 @@ fn worst(record: &FitRecord) -> Option<Worst<'_>> {
 mod tests {
     use super::*;
     use crate::record::FitParameter;
+    use crate::record::scan::PASSES;
 
     fn record(value: f64, stderr: f64, caliper: f64) -> FitRecord {
         let mut section = RecordSection::default();
@@ -110,6 +135,22 @@ mod tests {
         assert_eq!(NextMeasurement::of(&record(10.0, 0.9, 0.0)), None);
         assert_eq!(NextMeasurement::of(&record(0.0, 0.9, 0.0)), None);
         assert_eq!(NextMeasurement::of(&record(10.0, f64::INFINITY, 0.0)), None);
+    }
+
+    #[test]
+    fn the_pass_that_a_scan_lacks_comes_first() {
+        let mut scan = record(10.0, 2.0, 0.0);
+        let more = NextMeasurement::of(&scan);
+        assert_eq!(scan.pass_first(more.clone()), more);
+        scan.options.insert(PASSES.into(), "x".into());
+        let both = scan.pass_first(more.clone()).unwrap();
+        assert!(both.sentence.starts_with("pass y") && both.sentence.ends_with(&more.unwrap().sentence), "{both:?}");
+        assert_eq!((both.quantity.as_str(), both.error_now), ("front.sigma_a", 0.2));
+        // A record that was read again says it once.
+        assert_eq!(scan.pass_first(Some(both.clone())), Some(both));
+        let alone = scan.pass_first(None).unwrap();
+        assert!(alone.sentence.starts_with("pass y") && alone.error_now.is_infinite(), "{alone:?}");
+        assert_eq!(alone.quantity, "normal.Y");
     }
 
     #[test]

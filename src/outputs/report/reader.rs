@@ -152,7 +152,7 @@ fn fit(folder: &Path, options: &Options, with_maps: bool) -> Result<FitReport> {
             missed: false,
             reasons: Vec::new(),
         },
-        next_measurement: record.next_measurement.clone().or_else(|| NextMeasurement::of(&record)),
+        next_measurement: record.pass_first(record.next_measurement.clone().or_else(|| NextMeasurement::of(&record))),
         options: record.options.clone(),
         parameters: ordered(&record).flat_map(|(n, s)| parameters(n, s)).collect(),
         sections: ordered(&record).map(|(n, s)| section(n, s)).collect(),

@@ -70,7 +70,17 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
     if let Some(fault) = record.faults.first() {
         return format!("; the likely cause is named ({})", fault.name);
     }
-    let Some(seen) = s.figures.get(NOISE_SEEN) else { return format!(": {geometry}") };
+    // The model is not to be doubted for what the fit had to take for granted.
+    let unseen = record.missing_pass().map(|pass| {
+        let name = pass.name();
+        format!(
+            "pass {name} was not taken, so the fit takes the normals' {name} as 0, and that may be the cause: take \
+             pass {name} before you doubt the model"
+        )
+    });
+    let Some(seen) = s.figures.get(NOISE_SEEN) else {
+        return format!(": {}{geometry}", unseen.map_or_else(String::new, |unseen| format!("{unseen}; ")));
+    };
     // Noise that is wrong by a factor makes χ² wrong by its square.
     if (seen * seen - 1.0) > 0.5 * (chi2 - 1.0) {
         let off = percent((seen - 1.0).abs());
@@ -79,7 +89,8 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
              errors are too small by as much"
         )
     } else {
-        format!(": the traces are as rough as the stated noise makes them, so it is the model that is off; {geometry}")
+        let cause = unseen.unwrap_or_else(|| "so it is the model that is off".into());
+        format!(": the traces are as rough as the stated noise makes them, {cause}; {geometry}")
     }
 }
 
@@ -125,5 +136,40 @@ pub fn sides(record: &FitRecord, say: &mut impl FnMut(QualityLevel, String)) {
                 significant(errors, 2)
             ),
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mesophyll_fits::record::scan::PASSES;
+
+    /// What is said of traces that scatter as stated and leave a reduced χ² of 1.07.
+    fn said(passes: &str) -> String {
+        let record =
+            FitRecord { options: [(PASSES.into(), passes.into())].into(), kind: FitKind::Leaf, ..FitRecord::default() };
+        let side = SectionReport {
+            name: "front".into(),
+            counts: Default::default(),
+            terminations: Default::default(),
+            residuals: Default::default(),
+            truth: Default::default(),
+            figures: [(NOISE_SEEN.to_string(), 1.0)].into(),
+            correlation_names: Vec::new(),
+            correlation: Vec::new(),
+            condition: None,
+            rank: None,
+        };
+        let left = ResidualStatistics { chi2: 1.07e6, reduced_chi2: 1.07, ..ResidualStatistics::default() };
+        let (level, text) = judge("gloss", &left, &record, &side);
+        assert_eq!(level, QualityLevel::Doubtful, "{text}");
+        text
+    }
+
+    #[test]
+    fn a_missing_pass_is_suspected_before_the_model() {
+        let [both, one] = ["x y", "x"].map(said);
+        assert!(both.contains("so it is the model that is off"), "{both}");
+        assert!(one.contains("take pass y before you doubt the model") && !one.contains("model that is off"), "{one}");
     }
 }
