@@ -112,4 +112,16 @@ fn a_scan_of_one_pass_asks_for_the_other_first() {
     let record = FitRecord::read(&fit).unwrap();
     let next = record.next_measurement.expect("a pass is missing");
     assert!(next.sentence.starts_with("pass y, without which the normals' y is undetermined"), "{next:?}");
+    assert!(record.options["normal.Y"].starts_with("undetermined: pass y"), "{:?}", record.options);
+    let report: serde_json::Value =
+        serde_json::from_slice(&run(["report", fit.to_str().unwrap(), "--json"]).stdout).unwrap();
+    let report = &report["fits"][0];
+    let rows = report["maps"].as_array().unwrap();
+    for side in ["front", "back"] {
+        let unseen = rows.iter().find(|r| r["section"] == side && r["quantity"] == "normal" && r["channel"] == "Y");
+        let good = record.sections[side].counts["good"];
+        assert_eq!(unseen.unwrap()["undetermined"].as_u64(), Some(good as u64), "{unseen:?}");
+    }
+    let reasons = report["verdict"]["reasons"].to_string();
+    assert!(reasons.contains("the normals' y is undetermined in every texel"), "{reasons}");
 }

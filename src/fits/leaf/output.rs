@@ -81,6 +81,10 @@ pub fn describe(
     };
     // The fit does not record where its capture lay.
     say(MIRROR, mirror.replace(&format!("{}/", capture.folder.display()), ""));
+    if let Some(pass) = record.missing_pass() {
+        let why = format!("undetermined: pass {} was not taken; maps hold 0, with infinite errors", pass.name());
+        record.options.insert(Quantity::Normal.channel(pass as usize), why);
+    }
     record.defects = OF_SCANS.iter().map(|d| (d.code().to_string(), d.name().to_string())).collect();
 }
 

@@ -149,7 +149,7 @@ pub struct MapRow {
     pub unit: String,
     /// Statistics over the good texels.
     pub summary: MapSummary,
-    /// Good texels without a value.
+    /// Good texels without a value, or with one whose standard error is infinite.
     pub undetermined: usize,
     pub stderr_median: Option<f64>,
     pub truth: Option<MapTruth>,

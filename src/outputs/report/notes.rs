@@ -38,6 +38,11 @@ pub fn add(side: &mut ReportSideMaps, record: &FitRecord, section: &RecordSectio
     let gamma = "A texel's reflectance over that of a slab with the leaf's σa and σs and the texel's thickness. The \
      mean over the good texels is set to 1.";
     side.notes.insert("gamma", gamma.into());
+    if let Some(pass) = record.missing_pass() {
+        let name = pass.name();
+        let unseen = format!("Pass {name} was not taken, so the normals' {name} is undetermined: its map holds 0.");
+        side.notes.insert("normal", unseen);
+    }
     if let (Some(h), Some(g)) = (section.figures.get(GAUGE_THICKNESS), section.figures.get(GAUGE_GAMMA)) {
         side.unjudged = Some(format!(
             "over the good texels the true mean thickness is {} off the caliper's and the true mean γ {} off 1, and \

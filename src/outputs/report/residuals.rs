@@ -94,6 +94,19 @@ fn suspects(what: &str, chi2: f64, record: &FitRecord, s: &SectionReport) -> Str
     }
 }
 
+/// The tilts that no pass shows.
+pub fn unseen_tilt(record: &FitRecord, say: &mut impl FnMut(QualityLevel, String)) {
+    if let Some(pass) = record.missing_pass() {
+        let name = pass.name();
+        say(
+            QualityLevel::Doubtful,
+            format!(
+                "the normals' {name} is undetermined in every texel, because pass {name} was not taken: the maps hold 0"
+            ),
+        );
+    }
+}
+
 /// Compares front with back, which both show one interior.
 pub fn sides(record: &FitRecord, say: &mut impl FnMut(QualityLevel, String)) {
     let Some(section) = record.sections.get(sides::SECTION) else {

@@ -95,6 +95,7 @@ pub fn of_fit(record: &FitRecord, folder: &Path, report: &FitReport) -> ReportVe
             );
         }
     }
+    residuals::unseen_tilt(record, &mut say);
     residuals::sides(record, &mut say);
     held_out::reasons(&report.held_out, &mut say);
     parameters(report, &mut say);

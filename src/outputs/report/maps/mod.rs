@@ -201,7 +201,6 @@ impl ReportSideMaps {
         let (name, letter) = split(c.name);
         let values = sorted(self.good_values(c.fit));
         let summary = MapSummary::of(&values)?;
-        let good = self.good.iter().filter(|g| **g).count();
         let stderr = c.error.map(|e| sorted(self.good_values(e))).filter(|e| !e.is_empty()).map(|e| quantile(&e, 0.5));
         Some(MapRow {
             section: self.section.clone(),
@@ -209,10 +208,16 @@ impl ReportSideMaps {
             channel: letter.into(),
             unit: known(name).map_or("", |q| q.unit).into(),
             summary,
-            undetermined: good - summary.samples,
+            undetermined: self.undetermined(c),
             stderr_median: stderr,
             truth: self.against_truth(c),
         })
+    }
+
+    /// Good texels that have no value, or one whose standard error is infinite: it fills the map and says nothing.
+    fn undetermined(&self, c: &Channel) -> usize {
+        let unbounded = |k: usize| c.error.and_then(|e| e.get(k)).is_some_and(|e| e.is_infinite());
+        (0..c.fit.len()).filter(|&k| self.good[k] && (!c.fit[k].is_finite() || unbounded(k))).count()
     }
 
     fn against_truth(&self, c: &Channel) -> Option<MapTruth> {
@@ -263,4 +268,31 @@ impl ReportSideMaps {
 
 pub(super) fn colour_bar_of(signed: bool, range: (f64, f64), unit: &str) -> String {
     chart::colour_bar(if signed { "ramp-signed" } else { "ramp" }, range, unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_without_a_bound_on_their_error_count_as_undetermined() {
+        let mut fit = ChannelMaps::new(4, 1);
+        let mut errors = ChannelMaps::new(4, 1);
+        // The last texel is not good. No error is stated of the second one.
+        fit.push("normal.Y", vec![0.0, 0.1, f32::NAN, 0.0]);
+        errors.push("normal.Y", vec![f32::INFINITY, f32::NAN, 0.1, f32::INFINITY]);
+        let side = ReportSideMaps {
+            section: "front".into(),
+            fit,
+            errors: Some(errors),
+            truth: None,
+            good: vec![true, true, true, false],
+            notes: BTreeMap::new(),
+            texel_mm: None,
+            detail: DETAILS[0],
+            unjudged: None,
+        };
+        let rows = side.rows(&mut Vec::new());
+        assert_eq!((rows.len(), rows[0].summary.samples, rows[0].undetermined), (1, 2, 2));
+    }
 }
