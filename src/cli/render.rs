@@ -16,11 +16,12 @@ use std::path::PathBuf;
      mesophyll render fits/elm -o out/elm --samples 64\n  \
      mesophyll render data/scenes/cluster.toml -o out/cluster --error 0.01\n  \
      mesophyll render data/scenes/cluster.toml -o out/cluster --samples 1024 --resume\n  \
-     mesophyll render data/scenes/breeze.toml -o out/breeze --real-time\n\n\
+     mesophyll render data/scenes/breeze.toml -o out/breeze --real-time\n  \
+     mesophyll render data/scenes/twig.toml -o out/twig-real-time --real-time --run out/twig --against out/twig\n\n\
     Each view becomes VIEW.exr (channels R, G, B: radiance; error.R, error.G, error.B: its standard error), VIEW.png \
     (tone-mapped) and VIEW.progress.exr, from which --resume goes on. With --real-time it becomes VIEW.exr \
     (channels R, G, B, A) and VIEW.png alone. The scene's [check] gives the picture's size. \
-    Fits that are missing are made first and kept in DIR/fits.")]
+    Fits that are missing are made first and kept in DIR/fits, or in that of --run.")]
 pub struct Args {
     /// Scene to draw, with light between leaves; or the folder of a leaf's fit, which is drawn from both sides
     #[arg(value_name = "SCENE.toml|FIT")]
@@ -28,6 +29,10 @@ pub struct Args {
     /// Folder for the pictures
     #[arg(short, long, alias = "output", value_name = "DIR", value_parser = super::destination::folder())]
     out: PathBuf,
+    /// Folder of an earlier run, check or render of the scene, whose scans, fits and transfer are used. Those that the
+    /// scene still lacks are made there (default: the folder of -o)
+    #[arg(long, value_name = "DIR", value_parser = super::destination::folder())]
+    run: Option<PathBuf>,
     /// Only this view (default: all perspective views)
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
@@ -75,7 +80,10 @@ pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
     }
     let _claim = claim::folder(&args.out, claim::OutputKind::Render, &[&args.scene])?;
     let ledger = Ledger::new();
-    let scene = super::preparation::scene(manifest, &args.out, &ledger)?;
+    let scene = match &args.run {
+        Some(run) => super::preparation::scene_of_run(manifest, run, &ledger)?,
+        None => super::preparation::scene(manifest, &args.out, &ledger)?,
+    };
     let options = Options {
         out: args.out.clone(),
         view: args.view.clone(),
@@ -109,7 +117,7 @@ fn real_time(
     common: &CommonArgs,
     ledger: &Ledger,
 ) -> Result<u8> {
-    scene.find_transfer(&options.out, ledger)?;
+    scene.find_transfer(args.run.as_ref().unwrap_or(&args.out), ledger)?;
     let mut all = Vec::new();
     mesophyll_scene::real_time::render(&scene, options, args.against.as_deref(), ledger, |drawn| {
         let file = options.out.join(format!("{}.png", drawn.view));

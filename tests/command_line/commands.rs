@@ -22,7 +22,7 @@ const LEFT_OUT: &[(&str, &str)] = &[
     ("make wheel", "it builds an optimised module: minutes"),
     ("make gallery", "large pictures are traced: an hour"),
     (
-        "mesophyll render data/gallery/close.toml --real-time -o out/gallery-real-time",
+        "mesophyll render data/gallery/close.toml --real-time --run out/gallery -o out/gallery-real-time",
         "its leaf is scanned with 640 x 480 texels without optimisation: minutes",
     ),
     ("cargo build --release", "it builds an optimised program: minutes"),

@@ -52,6 +52,28 @@ fn radiance(view: &str) -> [f64; 3] {
     CODES.map(|code| factor * light(code) * IRRADIANCE / PI)
 }
 
+/// What an earlier folder has is not made again, and what belongs to another picture there is left alone.
+#[test]
+fn pictures_are_drawn_from_what_an_earlier_run_made() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = scene(dir.path());
+    let [first, second, third] = ["first", "second", "third"].map(|name| dir.path().join(name));
+    let draw = |out: &Path, more: &[&str]| {
+        run([&["render", text(&path), "-o", text(out), "--samples", "4", "--view", "above"], more].concat())
+    };
+    succeeded(&draw(&first, &[]));
+    let record = first.join("fits/picture/fit.toml");
+    let before = std::fs::read(&record).unwrap();
+    succeeded(&draw(&second, &["--run", text(&first)]));
+    assert!(!second.join("fits").exists());
+    assert_eq!(std::fs::read(first.join("above.png")).unwrap(), std::fs::read(second.join("above.png")).unwrap());
+    image::RgbaImage::from_pixel(120, 60, image::Rgba([50, 60, 70, 255])).save(dir.path().join("leaf.png")).unwrap();
+    refused(&draw(&third, &["--run", text(&first)]), 2, &["--run", "first", "changed"]);
+    refused(&draw(&third, &["--run", text(&dir.path().join("none"))]), 2, &["--run", "none", "earlier run"]);
+    assert_eq!(std::fs::read(&record).unwrap(), before);
+    assert!(!third.join("above.png").exists());
+}
+
 #[test]
 fn a_leaf_from_one_picture_is_drawn_by_both_renderers_and_called_stated() {
     let dir = tempfile::tempdir().unwrap();

@@ -76,6 +76,7 @@ def render(
     scene: Place,
     out: Place,
     *,
+    run: Place | None = None,
     view: str | None = None,
     samples: int | None = None,
     bounces: int | None = None,
@@ -93,6 +94,8 @@ def render(
         The scene, or the folder of a leaf's fit, which is drawn from both sides.
     out : path
         Folder for the pictures: for each view VIEW.exr and VIEW.png.
+    run : path, optional
+        Folder of an earlier run, check or render, whose scans and fits are used; what the scene lacks is made there.
     view : str, optional
         Only this view; all perspective views where it is left out.
     samples : int, optional
@@ -101,14 +104,12 @@ def render(
         Most scatterings of a path: 1 is direct light alone.
     error : float, optional
         Stop at this median relative error of the pixels.
-    seed : int
-        Seed of the random numbers.
     tone : str, optional
         How radiance becomes VIEW.png: ``"reinhard"``, ``"film"``, ...
     resume : bool
         Go on with the pictures that the folder holds.
-    progress : bool
-        Lines of progress on standard error.
+    seed, progress
+        As in :func:`canopy`.
 
     Returns
     -------
@@ -117,7 +118,7 @@ def render(
         radiance ``R``, ``G``, ``B`` and its standard errors ``error.R``, ``error.G``, ``error.B``.
     """
     options: dict[str, Option] = {"out": out, "view": view, "samples": samples, "bounces": bounces, "error": error}
-    options |= {"seed": seed, "tone": tone, "resume": resume}
+    options |= {"run": run, "seed": seed, "tone": tone, "resume": resume}
     _, drawn, notes = _command.printed(["render", scene], options, progress)
     columns: dict[str, Any] = {"view": np.array([d["view"] for d in drawn], dtype=object)}
     for name in ("median_relative_error", "seconds"):
