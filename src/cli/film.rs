@@ -47,9 +47,12 @@ pub struct Args {
     force: bool,
 }
 
+/// Parses the size of pictures.
 pub(super) fn size(text: &str) -> std::result::Result<[u32; 2], String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    sides.filter(|s| s.iter().all(|n| *n > 0)).ok_or_else(|| "expected WIDTHxHEIGHT, such as 800x600".into())
+    // A side that is longer than any adapter draws is more likely a typing error than meant.
+    let sides = sides.filter(|s| s.iter().all(|n| (1..=1 << 16).contains(n)));
+    sides.ok_or_else(|| "expected WIDTHxHEIGHT, such as 800x600, with at most 65536 pixels a side".into())
 }
 
 #[cfg(feature = "render")]

@@ -20,7 +20,7 @@ use std::path::PathBuf;
      mesophyll render data/scenes/twig.toml -o out/twig-real-time --real-time --run out/twig --against out/twig\n\n\
     Each view becomes VIEW.exr (channels R, G, B: radiance; error.R, error.G, error.B: its standard error), VIEW.png \
     (tone-mapped) and VIEW.progress.exr, from which --resume goes on. With --real-time it becomes VIEW.exr \
-    (channels R, G, B, A) and VIEW.png alone. The scene's [check] gives the picture's size. \
+    (channels R, G, B, A) and VIEW.png alone. \
     Fits that are missing are made first and kept in DIR/fits, or in that of --run.")]
 pub struct Args {
     /// Scene to draw, with light between leaves; or the folder of a leaf's fit, which is drawn from both sides
@@ -36,6 +36,9 @@ pub struct Args {
     /// Only this view (default: all perspective views)
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
+    /// Pixels (default: the scene's check.width and check.height)
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = super::film::size)]
+    size: Option<[u32; 2]>,
     /// Camera paths a pixel (default: the scene's check.samples; with --error: as many as it takes)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     samples: Option<u32>,
@@ -70,7 +73,10 @@ pub fn positive(text: &str) -> std::result::Result<f64, String> {
 }
 
 pub fn run(args: &Args, common: &CommonArgs) -> Result<u8> {
-    let manifest = SceneManifest::of(&args.scene)?;
+    let mut manifest = SceneManifest::of(&args.scene)?;
+    if let Some([width, height]) = args.size {
+        (manifest.check.width, manifest.check.height) = (width, height);
+    }
     // Pictures there would be replaced, and compared with themselves.
     if let Some(against) =
         args.against.as_ref().filter(|against| claim::resolved(against) == claim::resolved(&args.out))

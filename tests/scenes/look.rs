@@ -65,6 +65,11 @@ fn pictures_are_drawn_from_what_an_earlier_run_made() {
     let record = first.join("fits/picture/fit.toml");
     let before = std::fs::read(&record).unwrap();
     succeeded(&draw(&second, &["--run", text(&first)]));
+    // In another size from the same fit; the leaf fills the middle of both.
+    let small = dir.path().join("small");
+    succeeded(&draw(&small, &["--run", text(&first), "--size", "40x30"]));
+    let maps = mesophyll::files::image::read_exr(&small.join("above.exr")).unwrap();
+    assert_eq!((maps.width, maps.height, small.join("fits").exists()), (40, 30, false));
     assert!(!second.join("fits").exists());
     assert_eq!(std::fs::read(first.join("above.png")).unwrap(), std::fs::read(second.join("above.png")).unwrap());
     image::RgbaImage::from_pixel(120, 60, image::Rgba([50, 60, 70, 255])).save(dir.path().join("leaf.png")).unwrap();

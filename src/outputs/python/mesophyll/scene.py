@@ -78,6 +78,7 @@ def render(
     *,
     run: Place | None = None,
     view: str | None = None,
+    size: tuple[int, int] | None = None,
     samples: int | None = None,
     bounces: int | None = None,
     error: float | None = None,
@@ -98,10 +99,10 @@ def render(
         Folder of an earlier run, check or render, whose scans and fits are used; what the scene lacks is made there.
     view : str, optional
         Only this view; all perspective views where it is left out.
-    samples : int, optional
-        Paths a pixel; what the scene states where it is left out, or with ``error`` as many as it takes.
-    bounces : int, optional
-        Most scatterings of a path: 1 is direct light alone.
+    size : (int, int), optional
+        Size of the pictures, pixels; what the scene states where it is left out.
+    samples, bounces : int, optional
+        Paths a pixel (what the scene states, or with ``error`` as many as it takes); most scatterings of a path.
     error : float, optional
         Stop at this median relative error of the pixels.
     tone : str, optional
@@ -119,14 +120,14 @@ def render(
     """
     options: dict[str, Option] = {"out": out, "view": view, "samples": samples, "bounces": bounces, "error": error}
     options |= {"run": run, "seed": seed, "tone": tone, "resume": resume}
+    options["size"] = None if size is None else f"{size[0]}x{size[1]}"
     _, drawn, notes = _command.printed(["render", scene], options, progress)
     columns: dict[str, Any] = {"view": np.array([d["view"] for d in drawn], dtype=object)}
     for name in ("median_relative_error", "seconds"):
         columns[name] = np.array([np.nan if d.get(name) is None else d[name] for d in drawn], dtype=float)
     columns["done"] = np.array([d["done"] for d in drawn])
-    columns["status"] = np.array(
-        ["ok" if d["done"] else "undetermined: it has fewer paths than were asked for" for d in drawn], dtype=object
-    )
+    few = "undetermined: it has fewer paths than were asked for"
+    columns["status"] = np.array(["ok" if d["done"] else few for d in drawn], dtype=object)
     return Result(columns, notes=notes, record=drawn, folder=Path(out))
 
 
