@@ -45,7 +45,7 @@ def coefficients(
     bands : int
         Bands N: degrees l < N. 3 light a diffuse surface.
     method : str
-        fit: fitted polynomials, 1e-5; compact: half the size, 1e-4; direct: integrated, 1e-9; the others fit the sky
+        fit: polynomials, off by 4.1e-6; compact: fewer terms, 1.1e-5; direct: integrated, 1e-9; the others fit the sky
         as a black box.
     model : {"preetham", "hosek-wilkie"}
         The sky; hosek-wilkie needs ``method="direct"``.
