@@ -10,7 +10,7 @@ mod tests;
 
 use crate::atomic::explain;
 use crate::unit::LengthUnit;
-use crate::{Error, Result, guard, whole_file};
+use crate::{Error, Result, first_bytes, guard, whole_file};
 pub use decoding::INSTANCING;
 use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Mode;
@@ -66,6 +66,7 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<GltfDocument>
         let glb = gltf::binary::Glb::from_slice(bytes).map_err(bad)?;
         (glb.json, glb.bin.map(std::borrow::Cow::into_owned))
     } else {
+        begins(path, bytes)?;
         (bytes.into(), None)
     };
     let unread = |e: serde_json::Error| bad(gltf::Error::Deserialize(e));
@@ -104,6 +105,20 @@ fn parse(path: &Path, bytes: &[u8], understood: &[&str]) -> Result<GltfDocument>
     }
     let unit = own_unit(path, &document)?;
     Ok(GltfDocument { document, buffers: buffers.into_iter().map(gltf::buffer::Data).collect(), unit, root })
+}
+
+/// Refuses what is not even JSON.
+fn begins(path: &Path, bytes: &[u8]) -> Result<()> {
+    let first = bytes.iter().find(|b| !b.is_ascii_whitespace());
+    if first == Some(&b'{') {
+        return Ok(());
+    }
+    let found = match first {
+        None => "an empty file",
+        Some(_) => first_bytes::form(bytes).unwrap_or("a file that begins as no glTF file does"),
+    };
+    let what = format!("not a readable glTF file (found {found}, which is not read; expected .glb or .gltf)");
+    Err(Error::input(path, what))
 }
 
 /// The data of a buffer, which is called `field` in messages.

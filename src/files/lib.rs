@@ -4,6 +4,7 @@
 
 pub mod atomic;
 pub mod claim;
+pub mod first_bytes;
 pub mod glb;
 pub mod gltf_file;
 mod guard;

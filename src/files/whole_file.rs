@@ -2,7 +2,7 @@
 //! be larger than the memory that there is. Both are said before memory ends.
 
 use crate::atomic::explain;
-use crate::{Error, Result, memory};
+use crate::{Error, Result, first_bytes, memory};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -49,8 +49,38 @@ pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
 /// # Errors
 /// As [`bytes`]; a file that is no UTF-8 text.
 pub fn text(path: &Path) -> Result<String> {
+    text_of(path, "a text file")
+}
+
+/// As [`text`], for a reader that says in its own words what is `expected`.
+///
+/// # Errors
+/// As [`text`].
+pub fn text_of(path: &Path, expected: &str) -> Result<String> {
+    let other = |found: &str| Error::input(path, format!("found {found}, expected {expected}"));
+    // What is too large to be read is named too.
+    if let Some(form) = head(path).as_deref().and_then(binary) {
+        return Err(other(form));
+    }
     String::from_utf8(bytes(path, MOST_TEXT)?)
-        .map_err(|_| Error::input(path, "found bytes that are not UTF-8, expected a text file"))
+        .map_err(|e| other(binary(e.as_bytes()).unwrap_or("bytes that are not UTF-8")))
+}
+
+/// The first bytes of a file; `None` for what can be read only once, or not at all.
+fn head(path: &Path) -> Option<Vec<u8>> {
+    if !std::fs::metadata(path).ok()?.is_file() {
+        return None;
+    }
+    let mut head = Vec::new();
+    File::open(path).ok()?.take(64).read_to_end(&mut head).ok()?;
+    Some(head)
+}
+
+/// What bytes are that are no text; `None` for a text, and for an unknown form.
+fn binary(head: &[u8]) -> Option<&'static str> {
+    // The last letter may be cut.
+    let letters = std::str::from_utf8(head).map_or_else(|e| e.error_len().is_none(), |_| true);
+    if letters && !head.contains(&0) { None } else { first_bytes::form(head) }
 }
 
 #[cfg(test)]
@@ -67,6 +97,9 @@ mod tests {
         assert!(sentence.contains("a.toml: found a file of 1 MiB, expected at most 1 MiB"), "{sentence}");
         std::fs::write(&path, [0xff, 0x00]).unwrap();
         assert!(text(&path).unwrap_err().to_string().contains("not UTF-8"));
+        std::fs::write(&path, b"glTF\x02\0\0\0").unwrap();
+        let sentence = text(&path).unwrap_err().to_string();
+        assert!(sentence.contains("a.toml: found a binary glTF file (.glb), expected a text file"), "{sentence}");
         #[cfg(unix)]
         {
             let sentence = text(Path::new("/dev/zero")).unwrap_err().to_string();

@@ -55,10 +55,23 @@ fn files_of_the_wrong_kind_are_said_to_be() {
     let (dir, path) = workplace();
     let binary = dir.path().join("binary.toml");
     std::fs::write(&binary, [0xff, 0xfe, 0x00, 0x41]).unwrap();
-    let [folder, binary, scene] = [text(dir.path()), text(&binary), text(&path)];
+    let [plant, triangles] = ["plant.glb", "plant.obj"].map(|name| dir.path().join(name));
+    std::fs::write(&plant, b"glTF\x02\0\0\0\x0c\0\0\0").unwrap();
+    std::fs::write(&triangles, "# of another program\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let [folder, binary, scene, plant, triangles] =
+        [dir.path(), binary.as_path(), path.as_path(), plant.as_path(), triangles.as_path()].map(text);
     let nowhere = text(&dir.path().join("nowhere"));
+    let dressed = text(&dir.path().join("dressed.glb"));
     let csv = text(&dir.path().join("slabs.csv"));
-    let cases: [(&[&str], &[&str]); 9] = [
+    let cases: [(&[&str], &[&str]); 14] = [
+        (&["plan", &plant], &["plant.glb: found a binary glTF file (.glb), expected a scene", "[[plant]] file"]),
+        (&["render", &plant, "-o", &nowhere], &["plant.glb: found a binary glTF file (.glb), expected a scene"]),
+        (&["eval", "canopy", &triangles, "--fluxes"], &["plant.obj: found a Wavefront OBJ file, expected a scene"]),
+        (&["import", &triangles, "-o", &nowhere], &["not a readable glTF file (found a Wavefront OBJ file", ".gltf"]),
+        (
+            &["dress", &triangles, "--leaf", "a=fits/elm", "-o", &dressed],
+            &["not a readable glTF file (found a Wavefront OBJ file", ".gltf"],
+        ),
         (&["plan", &folder], &[&folder, "found a folder, expected a file"]),
         (&["plan", &binary], &["binary.toml", "not UTF-8"]),
         (&["plan", &nowhere], &["nowhere", "no such file"]),

@@ -3,33 +3,8 @@
 use super::{Found, quoted};
 use crate::cli::{Error, Result};
 use mesophyll_base::error::TomlKind;
+use mesophyll_files::first_bytes::{FOREIGN, PICTURES};
 use std::path::Path;
-
-/// First bytes of forms that no command reads, what they are, and what helps.
-const FOREIGN: [(&[u8], &str, &str); 11] = [
-    (b"\x1f\x8b", "a gzip archive", "unpack it first"),
-    (b"PK\x03\x04", "a ZIP archive", "unpack it first"),
-    (b"PK\x05\x06", "an empty ZIP archive", "there is nothing in it"),
-    (b"BZh", "a bzip2 archive", "unpack it first"),
-    (b"\xfd7zXZ\0", "an xz archive", "unpack it first"),
-    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an Excel workbook of the old form (.xls)", "save it as .xlsx or CSV"),
-    (b"%PDF", "a PDF document", "save its table as CSV"),
-    (b"\x93NUMPY", "a NumPy array", "save it as CSV with a line of names"),
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file", "save its table as CSV"),
-    (b"CDF\x01", "a NetCDF file", "save its table as CSV"),
-    (b"CDF\x02", "a NetCDF file", "save its table as CSV"),
-];
-
-/// First bytes of pictures that belong to a capture.
-const PICTURES: [(&[u8], &str); 7] = [
-    (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
-    (b"\xff\xd8\xff", "a JPEG picture"),
-    (b"II*\0", "a TIFF picture"),
-    (b"MM\0*", "a TIFF picture"),
-    (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
-    (b"#?R", "a Radiance picture (.hdr)"),
-    (b"P6\n", "a PPM picture"),
-];
 
 /// What the file is; `None` where it may be a table.
 ///

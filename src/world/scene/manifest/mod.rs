@@ -49,7 +49,7 @@ use mesophyll_base::error::{Fault, TomlKind};
 use mesophyll_base::tone::{PictureChannels, PictureDisplay, ToneCurve};
 use mesophyll_files::numbers;
 use mesophyll_files::unit::LengthUnit;
-use mesophyll_files::whole_file;
+use mesophyll_files::{first_bytes, whole_file};
 use mesophyll_transport::ReferenceCamera;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -131,6 +131,9 @@ pub struct SceneManifest {
     pub path: PathBuf,
 }
 
+/// What a reader of scenes expects.
+const SCENE: &str = "a scene (TOML); a plant's file is named in one, under [[plant]] file";
+
 fn one() -> f64 {
     1.0
 }
@@ -146,7 +149,11 @@ impl SceneManifest {
     /// # Errors
     /// [`Error::Input`] naming the file, the line and the field, what was found and what was expected.
     pub fn read(path: &Path) -> Result<SceneManifest> {
-        SceneManifest::parse(&whole_file::text(path)?, path)
+        let text = whole_file::text_of(path, SCENE)?;
+        if let Some(form) = first_bytes::model(text.trim_start().as_bytes()) {
+            return Err(Error::input(path, format!("found {form}, expected {SCENE}")));
+        }
+        SceneManifest::parse(&text, path)
     }
 
     /// Validates the text of a scene file. Names of other files in it are relative to the folder of `path`.
