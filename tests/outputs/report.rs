@@ -2,6 +2,7 @@
 
 use crate::samples::{Sample, write_fit, write_run};
 use mesophyll::files::{hash, image};
+use mesophyll::fits::record::next::NextMeasurement;
 use mesophyll::fits::record::{FitRecord, TruthError};
 use serde_json::Value;
 use std::path::Path;
@@ -92,6 +93,34 @@ fn the_page_stands_alone_and_says_what_is_undetermined() {
         let open = if name == "figure>" { page.matches("<figure").count() } else { open };
         assert_eq!(open, close, "{name}");
     }
+}
+
+#[test]
+fn what_to_measure_next_stands_before_reasons_which_say_that_they_open() {
+    let dir = tempfile::tempdir().unwrap();
+    let elm = dir.path().join("elm");
+    write_fit(&elm, &Sample { sides: vec!["front"], ..Sample::default() });
+    let mut record = FitRecord::read(&elm).unwrap();
+    let sentence = "forty more frames".to_string();
+    record.next_measurement = Some(NextMeasurement { sentence, ..NextMeasurement::default() });
+    record.write(&elm).unwrap();
+    assert_eq!(mesophyll(&["report", "elm", "-o", "r.html"], dir.path()).0, 0);
+    let page = std::fs::read_to_string(dir.path().join("r.html")).unwrap();
+    let (_, card) = page.split_once("<section id=\"fit1\">").unwrap();
+    let (next, reasons) = (card.find("forty more frames").unwrap(), card.find("<ul class=\"reasons\">").unwrap());
+    assert!(next < reasons);
+    // A reason that a line does not hold is marked as one that opens, and no short one is.
+    let list = card[reasons..].split_once("</ul>").map(|(list, _)| list).unwrap();
+    let mut marked = 0;
+    for reason in list.split("<details").skip(1) {
+        let text = reason.split_once("<summary title=\"").and_then(|(_, rest)| rest.split_once('"')).unwrap().0;
+        let long = reason.starts_with(" class=\"long");
+        // An escaped sign counts as one.
+        let right = if text.chars().count() > 50 { long || text.contains('&') } else { !long };
+        assert!(right, "{reason}");
+        marked += usize::from(long);
+    }
+    assert!(marked > 0, "{list}");
 }
 
 #[test]
