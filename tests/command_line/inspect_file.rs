@@ -98,6 +98,40 @@ fn a_slab_of_inverse_adding_doubling_is_fitted_like_its_table() {
     assert!(found.len() == 2 && found == numbers("s.csv"), "{found:?}");
 }
 
+/// What gzip packed is looked into, as the fits do.
+#[test]
+fn a_packed_table_is_told_by_what_is_in_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        std::io::Write::write_all(&mut packed, bytes).unwrap();
+        std::fs::write(dir.path().join(name), bytes).unwrap();
+        std::fs::write(dir.path().join(format!("{name}.gz")), packed.finish().unwrap()).unwrap();
+    };
+    write("s.csv", b"leaf,wavelength_nm,R,T,thickness_mm\ns,550,.12,.15,.2\ns,650,.06,.05,.2\n");
+    write("leaf.sig", sig().as_bytes());
+    write("cases.csv", b"omega,delta\n0.9,1\n");
+    for name in ["s.csv", "leaf.sig", "cases.csv"] {
+        let packed = format!("{name}.gz");
+        let (plain, found) = (look(dir.path(), name), look(dir.path(), &packed));
+        let text = |value: &Value| value.as_str().unwrap().to_string();
+        assert_eq!(text(&found["form"]), format!("a gzip archive with {}", text(&plain["form"])));
+        assert_eq!(text(&found["command"]), text(&plain["command"]).replace(name, &packed));
+        for key in ["holds", "unit", "wavelength_nm", "wavelengths", "spectra", "rows"] {
+            assert_eq!(found[key], plain[key], "{name}: {key}");
+        }
+    }
+    write("sky.exr", b"\x76\x2f\x31\x01\x02\0\0\0");
+    let mut tar = vec![b'a'; 600];
+    tar[257..262].copy_from_slice(b"ustar");
+    write("all.tar", &tar);
+    for (name, form) in [("sky.exr.gz", "OpenEXR"), ("all.tar.gz", ".tar")] {
+        let found = look(dir.path(), name);
+        assert!(found["command"].is_null() && found["reason"] == "unpack it first", "{found}");
+        assert!(found["form"].as_str().unwrap().contains(form), "{found}");
+    }
+}
+
 #[test]
 fn a_command_that_cannot_use_the_form_names_it_and_what_helps() {
     let dir = tempfile::tempdir().unwrap();

@@ -30,7 +30,7 @@ pub use omissions::Omissions;
 pub use physical_range::PhysicalRange;
 pub use record::TableRecord;
 pub use sink::{TableOutput, TableSink, push_cell, push_number, push_quoted, push_text, stdout_error};
-pub use source::InputTable;
+pub use source::{InputTable, unpacked};
 pub use tally::{RowTally, counted};
 
 use plan::{Part, Plan, Stated, push_cells, whole};

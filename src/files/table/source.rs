@@ -49,13 +49,17 @@ const LONGEST_HEAD: usize = 1 << 23;
 /// This many names of a header are shown in a message.
 const SHOWN: usize = 10;
 
-/// What a source holds: where it begins as gzip does, what was packed.
-fn unpacked(mut source: Source) -> io::Result<Source> {
+/// What a source holds, and whether gzip packed it: where it begins as gzip does, it is unpacked.
+///
+/// # Errors
+/// Those of the source.
+pub fn unpacked(mut source: Box<dyn Read + Send>) -> io::Result<(Box<dyn Read + Send>, bool)> {
     let mut head = Vec::new();
     source.by_ref().take(2).read_to_end(&mut head)?;
     let packed = head == [0x1f, 0x8b];
     let whole = Cursor::new(head).chain(source);
-    Ok(if packed { Box::new(MultiGzDecoder::new(whole)) } else { Box::new(whole) })
+    let whole: Source = if packed { Box::new(MultiGzDecoder::new(whole)) } else { Box::new(whole) };
+    Ok((whole, packed))
 }
 
 impl InputTable {
@@ -71,7 +75,7 @@ impl InputTable {
             let file = File::open(path).map_err(|e| Error::input(path, atomic::explain(&e)))?;
             (Box::new(file), path.to_path_buf())
         };
-        let source = unpacked(source).map_err(|e| Error::input(&name, atomic::explain(&e)))?;
+        let (source, _) = unpacked(source).map_err(|e| Error::input(&name, atomic::explain(&e)))?;
         let (source, stated) = instrument::through(source, &name)?;
         Ok(InputTable { source: path.to_path_buf(), stated, ..InputTable::from_reader(source, name)? })
     }

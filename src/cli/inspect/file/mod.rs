@@ -7,7 +7,7 @@ mod tables;
 use crate::cli::{CommonArgs, Error, Result};
 use mesophyll_files::atomic::explain;
 use mesophyll_files::instrument::{self, InstrumentFile, InstrumentFormat, ReflectanceUnit, SpectrumQuantity};
-use mesophyll_files::spectra;
+use mesophyll_files::{spectra, table};
 use serde::Serialize;
 use std::fmt::Write;
 use std::io::Read;
@@ -51,28 +51,46 @@ fn quoted(path: &Path) -> String {
 
 pub fn run(path: &Path, common: &CommonArgs) -> Result<u8> {
     let unreadable = |e: std::io::Error| Error::input(path, explain(&e));
-    let mut file = std::fs::File::open(path).map_err(unreadable)?;
+    let file = std::fs::File::open(path).map_err(unreadable)?;
+    let (mut file, packed) = table::unpacked(Box::new(file)).map_err(unreadable)?;
     let mut head = Vec::with_capacity(instrument::HEAD);
     file.by_ref().take(instrument::HEAD as u64).read_to_end(&mut head).map_err(unreadable)?;
     if head.is_empty() {
         return Err(Error::input(path, "the file is empty"));
     }
-    let found = match instrument::recognise(&head) {
+    let mut found = match instrument::recognise(&head) {
         Some(form) => {
             let bytes = instrument::whole(head, file, path)?;
             of_instrument(form, &bytes, path)?
         }
-        None => match formats::told(&head, path)? {
+        None => match told(&head, path, packed)? {
             Some(found) => found,
             None => tables::of(spectra::open(path)?, path)?,
         },
     };
+    if packed {
+        found.form = format!("a gzip archive with {}", found.form);
+    }
     if common.json {
         crate::cli::print_json(&found)?;
     } else {
         crate::cli::print(&text(&found, path))?;
     }
     Ok(0)
+}
+
+/// As [`formats::told`]. What gzip `packed` is taken by a command only where it is a table or of an instrument.
+fn told(head: &[u8], path: &Path, packed: bool) -> Result<Option<Found>> {
+    if !packed {
+        return formats::told(head, path);
+    }
+    let barred = |form: &str| Found { form: form.into(), reason: Some("unpack it first".into()), ..Found::default() };
+    Ok(match formats::told(head, path) {
+        _ if head.get(257..262) == Some(&b"ustar"[..]) => Some(barred("a folder of files (.tar)")),
+        Ok(Some(found)) if found.command.is_some() => Some(barred(&found.form)),
+        Ok(found) => found,
+        Err(_) => Some(barred("a file that is no table")),
+    })
 }
 
 fn of_instrument(form: InstrumentFormat, bytes: &[u8], path: &Path) -> Result<Found> {
