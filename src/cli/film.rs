@@ -49,9 +49,9 @@ pub struct Args {
 
 /// Parses the size of pictures.
 pub(super) fn size(text: &str) -> std::result::Result<[u32; 2], String> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    let sides: Option<[u32; 2]> = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     // A side that is longer than any adapter draws is more likely a typing error than meant.
-    let sides = sides.filter(|s| s.iter().all(|n| (1..=1 << 16).contains(n)));
+    let sides = sides.filter(|s| s.iter().all(|n| (1..=65_536).contains(n)));
     sides.ok_or_else(|| "expected WIDTHxHEIGHT, such as 800x600, with at most 65536 pixels a side".into())
 }
 

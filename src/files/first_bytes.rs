@@ -51,9 +51,9 @@ pub fn form(head: &[u8]) -> Option<&'static str> {
     if head.starts_with(b"glTF") {
         return Some("a binary glTF file (.glb)");
     }
-    let foreign = FOREIGN.iter().map(|(magic, form, _)| (magic, form));
-    let mut all = PICTURES.iter().map(|(magic, form)| (magic, form)).chain(foreign);
-    all.find(|(magic, _)| head.starts_with(magic)).map(|(_, form)| *form).or_else(|| model(head))
+    let picture = PICTURES.iter().find(|(magic, _)| head.starts_with(magic)).map(|(_, form)| *form);
+    let foreign = || FOREIGN.iter().find(|(magic, ..)| head.starts_with(magic)).map(|(_, form, _)| *form);
+    picture.or_else(foreign).or_else(|| model(head))
 }
 
 /// The same for models and scenes of other programs alone, most of which are texts.

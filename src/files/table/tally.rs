@@ -88,16 +88,16 @@ impl RowTally {
                 |found: bool| joined(self.values.iter().filter(|v| (v.found > 0) == found).map(|v| v.name.clone()));
             let (found, open) = (list(true), list(false));
             if found.is_empty() {
-                write!(text, "; the undetermined {row} has none of {open}")
+                write!(text, "; the undetermined {row} determines none of {open}")
             } else {
-                write!(text, "; the undetermined {row} has {found}, but not {open}")
+                write!(text, "; the undetermined {row} determines {found}, but not {open}")
             }
         } else {
             let each = self.values.iter().map(|v| match v.found {
                 0 => format!("{} in none", v.name),
                 n => format!("{} in {n}", v.name),
             });
-            write!(text, "; of the undetermined ones, these values were found: {}", joined(each))
+            write!(text, "; of the undetermined ones, these values are determined: {}", joined(each))
         };
         text
     }
@@ -139,14 +139,14 @@ mod tests {
         t.count(&open("radius (alpha and load give no radius)"), &[0.3, f64::NAN, 0.01, f64::NAN, 1.0]);
         assert_eq!(
             t.words("row"),
-            "1 row: 0 ok, 1 undetermined, 0 refused; the undetermined row has alpha, but not radius"
+            "1 row: 0 ok, 1 undetermined, 0 refused; the undetermined row determines alpha, but not radius"
         );
         assert_eq!(t.found().collect::<Vec<_>>(), [("alpha", 1), ("radius", 0)]);
         let mut none = RowTally::new(&OUTPUTS);
         none.count(&open("alpha radius (residuals exceed the noise)"), &[0.3, 2.0, 0.01, 0.1, 90.0]);
         assert_eq!(
             none.words("leaf"),
-            "1 leaf: 0 ok, 1 undetermined, 0 refused; the undetermined leaf has none of alpha and radius"
+            "1 leaf: 0 ok, 1 undetermined, 0 refused; the undetermined leaf determines none of alpha and radius"
         );
     }
 
@@ -160,8 +160,8 @@ mod tests {
         t.add(&part);
         assert_eq!(
             t.words("branch"),
-            "4 branches: 1 ok, 2 undetermined, 1 refused; of the undetermined ones, these values were found: alpha in \
-             none and radius in 1"
+            "4 branches: 1 ok, 2 undetermined, 1 refused; of the undetermined ones, these values are determined: alpha \
+             in none and radius in 1"
         );
         assert_eq!(t.found().collect::<Vec<_>>(), [("alpha", 1), ("radius", 2)]);
     }

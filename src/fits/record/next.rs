@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// What to measure next, and what that would bring.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct NextMeasurement {
-    /// The number that is known worst, as `front.sigma_a.B`.
+    /// The number that is known worst, as `front.sigma_a.B`, or `ground.albedo.B` of a fit with one section.
     pub quantity: String,
     /// Its standard error now, as a share of it; infinite where nothing was measured of it.
     pub error_now: f64,
@@ -102,7 +102,8 @@ fn worst(record: &FitRecord) -> Option<Worst<'_>> {
                 if error.is_finite() && error > DETERMINED && worse {
                     let channel = if p.value.len() == 3 { [".R", ".G", ".B"][c] } else { "" };
                     let caliper = p.stderr_caliper.get(c).map_or(0.0, |e| share(*e));
-                    let quantity = format!("{name}.{parameter}{channel}");
+                    let place = if name == "all" { String::new() } else { format!("{name}.") };
+                    let quantity = format!("{place}{parameter}{channel}");
                     found = Some(Worst { quantity, error, caliper, section });
                 }
             }
@@ -151,6 +152,16 @@ mod tests {
         let alone = scan.pass_first(None).unwrap();
         assert!(alone.sentence.starts_with("pass y") && alone.error_now.is_infinite(), "{alone:?}");
         assert_eq!(alone.quantity, "normal.Y");
+    }
+
+    #[test]
+    fn the_only_section_has_no_name() {
+        let mut scene = record(10.0, 2.0, 0.0);
+        let section = scene.sections.remove("front").unwrap();
+        scene.sections.insert("all".into(), section);
+        let next = NextMeasurement::of(&scene).unwrap();
+        assert_eq!(next.quantity, "sigma_a");
+        assert!(next.sentence.starts_with("sigma_a is known to 20 %;"), "{}", next.sentence);
     }
 
     #[test]

@@ -345,7 +345,8 @@ fn parameters(report: &FitReport, say: &mut impl FnMut(QualityLevel, String)) {
             let channel = if p.channel.is_empty() { String::new() } else { format!(".{}", p.channel) };
             // A relative error of an angle means nothing, because its zero is a convention.
             let loose = if p.unit == "deg" { p.stderr? > ANGLE_ERROR } else { relative > RELATIVE_ERROR };
-            loose.then(|| format!("{} {}{channel} ± {}", p.section, parameter(&p.name).0, percent(relative)))
+            let place = if p.section == "all" { String::new() } else { format!("{} ", p.section) };
+            loose.then(|| format!("{place}{}{channel} ± {}", parameter(&p.name).0, percent(relative)))
         })
         .collect();
     if !loose.is_empty() {

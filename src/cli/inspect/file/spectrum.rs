@@ -28,6 +28,10 @@ impl SpectrumContents {
                 "its colours, by readings from 400 to 700 nm: mesophyll eval bands{percent} --in {file}"
             ));
         }
+        if self.wavelengths || (self.reflectance && self.transmittance && self.thickness) {
+            let what = "add --noise S, the standard error of a reading as a share of 1: without it the answer has no errors";
+            found.notes.push(what.into());
+        }
         let both = self.reflectance && self.transmittance;
         if both && self.thickness {
             found.command = Some(slab);
