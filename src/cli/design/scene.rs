@@ -21,8 +21,8 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  mesophyll design scene data/pictures/plan.toml --more 2\n  \
     mesophyll design scene data/pictures/plan.toml --for leaf.leaf.rho_t --suns 60:200,70:120\n\n\
     A picture under another sun than the scene's is given to `fit scene` with picture.sun_deg.\n\n\
-    Only pictures are planned. Reflectance factors that there are ([[brf]], in three channels) count; which directions to\n\
-    read further is not planned: compute some with `eval canopy`, and fit them with `fit scene`.")]
+    Only pictures are planned. Reflectance factors that there are ([[brf]], in three channels) count. Which\n\
+    directions to read further is not planned: compute some with `eval canopy`, and fit them with `fit scene`.")]
 pub struct Args {
     /// Scene with [unknown], and with the [[picture]] tables that there are
     #[arg(value_name = "SCENE.toml")]

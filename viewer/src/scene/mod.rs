@@ -163,8 +163,8 @@ pub struct Instance {
     /// The stand of the scene whose plant it belongs to. The transform then leads to the plant's frame.
     #[serde(skip)]
     pub stand: Option<u32>,
-    /// Whether it lies below everything that is seen while the sun is above. It then receives shadows and casts none, so
-    /// shadow maps need not cover it and have finer texels elsewhere.
+    /// Whether it lies below everything that is seen while the sun is above. It then receives shadows and casts none,
+    /// so that shadow maps need not cover it and have finer texels elsewhere.
     pub floor: bool,
 }
 

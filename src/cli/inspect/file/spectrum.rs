@@ -29,7 +29,8 @@ impl SpectrumContents {
             ));
         }
         if self.wavelengths || (self.reflectance && self.transmittance && self.thickness) {
-            let what = "add --noise S, the standard error of a reading as a share of 1: without it the answer has no errors";
+            let what =
+                "add --noise S, the standard error of a reading as a share of 1: without it the answer has no errors";
             found.notes.push(what.into());
         }
         let both = self.reflectance && self.transmittance;
