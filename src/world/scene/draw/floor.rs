@@ -1,8 +1,8 @@
 //! Whether a level ground needs to cast shadows.
 //!
 //! A ground that casts none leaves the shadow maps to what stands on it: their texels are finer. Its shadow can only
-//! fall on what lies below it. Most plants end just below the ground, if only by rounding; what nobody sees there may be
-//! lit.
+//! fall on what lies below it. Most plants end just below the ground, if only by rounding. What nobody sees may be
+//! lit there.
 
 use crate::manifest::SceneManifest;
 use crate::placed::PlacedScene;
