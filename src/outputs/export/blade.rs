@@ -5,15 +5,15 @@ use glam::{DMat3, DMat4, DVec3};
 use mesophyll_files::mesh::{self, LeafMesh};
 use mesophyll_transport::world::ReferenceInterior;
 
-/// Half of the thickness (mm) of a leaf of which none is known. Most blades are thicker than 0.1 mm, so this is
-/// less than theirs, and it is more than ten times the rounding of a place in single precision 100 m from the origin.
-pub const HALF_MM: f64 = 0.05;
+/// The thickness (mm) of a leaf of which none is known. Most blades are thicker, and it is more than ten times the
+/// rounding of a place in single precision 100 m from the origin.
+pub const THICKNESS_MM: f64 = 0.1;
 
-/// Half of the mean thickness (mm) of the inside of a leaf.
-pub fn half_thickness_mm(interior: &ReferenceInterior) -> f64 {
-    let ReferenceInterior::Scalars { thickness, .. } = interior else { return HALF_MM };
-    let half = 0.5 * thickness.iter().map(|h| f64::from(*h)).sum::<f64>() / thickness.len().max(1) as f64;
-    if half > 0.0 { half } else { HALF_MM }
+/// The mean thickness (mm) of the inside of a leaf.
+pub fn thickness_mm(interior: &ReferenceInterior) -> f64 {
+    let ReferenceInterior::Scalars { thickness, .. } = interior else { return THICKNESS_MM };
+    let mean = thickness.iter().map(|h| f64::from(*h)).sum::<f64>() / thickness.len().max(1) as f64;
+    if mean > 0.0 { mean } else { THICKNESS_MM }
 }
 
 /// Places `distance` out of a surface, on the side from which its triangles wind counterclockwise. The normals that a

@@ -1,6 +1,6 @@
 //! Leaves and scenes as binary glTF 2.0. Every sheet has one primitive for each side, with its own material; textures
-//! are embedded, and nodes scale to metres. The two sides of a leaf stand its thickness apart: of two surfaces at the
-//! same place, a renderer that does not cull shows either.
+//! are embedded, and nodes scale to metres. The back of a leaf stands its thickness behind the front: of two surfaces
+//! at the same place, a renderer that does not cull shows either.
 //!
 //! The material has metalness 0, a roughness whose square is the slope of GGX, and KHR_materials_specular with the same
 //! reflectance at normal and grazing incidence, because our gloss has no Fresnel factor: `specularFactor` is the
@@ -120,11 +120,11 @@ pub(crate) fn lit(coat: &ExportCoat, side: Side) -> bool {
 
 /// The shape of a side of a sheet that shows this many sides. Its normals point out of this side.
 pub(crate) fn shape(sheet: &ExportSheet, side: Side, sides: usize) -> ExportMesh {
-    let own = match side {
+    match side {
         Side::Front => sheet.mesh.clone(),
+        Side::Back if is_second(side, sides) => sheet.mesh.turned().raised(sheet.thickness_mm),
         Side::Back => sheet.mesh.turned(),
-    };
-    if sides > 1 { own.raised(sheet.half_mm) } else { own }
+    }
 }
 
 /// Whether a side of a sheet that shows this many sides is the back of a front.

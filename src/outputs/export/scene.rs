@@ -1,7 +1,7 @@
 //! A leaf or a scene as every exporter of materials takes it: sheets with a colour for each texel, their places, the
 //! light and one camera. Lengths are in mm, z is up.
 
-use super::blade::{ExportMesh, HALF_MM, half_thickness_mm};
+use super::blade::{ExportMesh, THICKNESS_MM, thickness_mm};
 use super::side::ExportSideMaps;
 use crate::foreign::texel::{ExportTexel, ExportTexelSide};
 use crate::{Error, Result};
@@ -72,8 +72,8 @@ pub struct ExportSheet {
     pub name: String,
     /// Its shape (mm).
     pub mesh: ExportMesh,
-    /// How far each side of a leaf stands out of this shape (mm) in formats that have a surface for each side.
-    pub half_mm: f64,
+    /// How far the back of a leaf stands behind this shape (mm) in formats that have a surface for each side.
+    pub thickness_mm: f64,
     /// Columns and rows of its texels.
     pub size: [usize; 2],
     /// The texels in the front's columns.
@@ -114,7 +114,16 @@ impl ExportSheet {
     ) -> ExportSheet {
         let all: Vec<usize> = (0..texels.len()).filter(|k| good(*k)).collect();
         let good = (0..all.len().min(MEASURED)).map(|k| all[k * all.len() / all.len().min(MEASURED)]).collect();
-        ExportSheet { name: plain_name(name), mesh, half_mm: HALF_MM, size, texels, normals, mask: None, good }
+        ExportSheet {
+            name: plain_name(name),
+            mesh,
+            thickness_mm: THICKNESS_MM,
+            size,
+            texels,
+            normals,
+            mask: None,
+            good,
+        }
     }
 
     /// The lobe of its gloss.
@@ -134,11 +143,11 @@ impl ExportSheet {
             let map = own.normal.as_ref().filter(|n| n.frame == NormalFrame::Tangent)?;
             Some(in_front_columns(&map.values, side, width))
         });
-        let (mesh, half_mm) = (ExportMesh::of(&leaf.mesh), half_thickness_mm(&leaf.front.interior));
+        let (mesh, thickness_mm) = (ExportMesh::of(&leaf.mesh), thickness_mm(&leaf.front.interior));
         let mask: Option<Vec<bool>> = leaf.mask.as_ref().map(|m| m.iter().map(|on| *on != 0).collect());
         let on = |k: usize| mask.as_ref().is_none_or(|m| m[k]);
         let sheet = ExportSheet::new(name, mesh, [width, height], texels, normals, on);
-        ExportSheet { mask: mask.clone(), half_mm, ..sheet }
+        ExportSheet { mask: mask.clone(), thickness_mm, ..sheet }
     }
 
     /// The leaf of a fit folder under its name, and which of its texels, in the front's columns, are on the leaf.
@@ -160,9 +169,9 @@ impl ExportSheet {
     fn of_leaf(leaf: &LeafFit, folder: &Path, sides: &[ExportSideMaps]) -> Result<ExportSheet> {
         let blade = mesh::read(&folder.join(BLADE), None)?;
         let lobe = leaf.record.scan.as_ref().map_or(Lobe::Beckmann, |s| s.lobe());
-        let half_mm = leaf.thickness(leaf.lead()).map_or(HALF_MM, |h| 0.5 * h);
+        let thickness_mm = leaf.thickness(leaf.lead()).unwrap_or(THICKNESS_MM);
         let sheet = ExportSheet::of_fit(folder, sides, &blade, lobe)?;
-        Ok(ExportSheet { name: plain_name(&leaf.name), half_mm, ..sheet })
+        Ok(ExportSheet { name: plain_name(&leaf.name), thickness_mm, ..sheet })
     }
 
     /// The leaf of a fit.

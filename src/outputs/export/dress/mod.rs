@@ -2,7 +2,7 @@
 //! else stays as it is.
 //!
 //! A fitted leaf has two sides, each with a material of its own. Every mesh with a named material therefore gets a
-//! second primitive, the same triangles seen from behind, and the two stand the leaf's thickness apart. Texture
+//! second primitive, the same triangles seen from behind, which stand the leaf's thickness behind. Texture
 //! coordinates of the file are kept. Where there are none, each flat piece is laid along the fitted blade by its own
 //! axes ([`mesophyll_plants::import::flat_pieces`]).
 
@@ -211,8 +211,8 @@ struct Coated {
     blade: [[f64; 2]; 2],
     /// Whether the fitted blade is longer across the picture than down.
     across: bool,
-    /// How far each side stands out of the file's surface (m); 0 where one side shows on both.
-    half_m: f64,
+    /// How far the back stands behind the file's surface (m).
+    thickness_m: f64,
     /// Length and width of the rectangle around the fitted blade (m), and how much of it the blade fills.
     blade_m: [f64; 2],
     filled: f64,
@@ -265,7 +265,7 @@ impl Coated {
             (all, leaf) = (all + 1, leaf + usize::from(on[k]));
         }
         Ok(Coated {
-            half_m: if sides.len() > 1 { coat.sheet.half_mm / 1000.0 } else { 0.0 },
+            thickness_m: coat.sheet.thickness_mm / 1000.0,
             sides: placed,
             blade: [u, v],
             across,

@@ -70,7 +70,7 @@ impl Work<'_> {
         if self.options.scatter && !twigs.is_empty() && !bent {
             let leaves = cards::scatter(self.path, &plan, &twigs, coated)?;
             twigs.iter().flat_map(|card| &card.triangles).for_each(|t| fate[*t] = Fate::Gone);
-            out.extend(self.scattered(&leaves, coated.half_m / plan.unit_m, coated));
+            out.extend(self.scattered(&leaves, coated.thickness_m / plan.unit_m, coated));
         } else if let Some(largest) = twigs.iter().map(|card| card.length() * plan.unit_m).reduce(f64::max) {
             let why = if self.options.scatter { ", but what moves them cannot move scattered leaves" } else { "" };
             self.done.warnings.push(format!(
@@ -124,12 +124,9 @@ impl Work<'_> {
         for (side, material) in &coated.sides {
             let mut new = front.clone();
             let second = is_second(*side, coated.sides.len());
-            if coated.half_m > 0.0 {
-                let half = coated.half_m / plan.unit_m;
-                let places = raised(&surface.positions, &surface.indices, if second { -half } else { half });
-                new["attributes"]["POSITION"] = json!(self.file.floats("VEC3", &places));
-            }
             if second {
+                let places = raised(&surface.positions, &surface.indices, -coated.thickness_m / plan.unit_m);
+                new["attributes"]["POSITION"] = json!(self.file.floats("VEC3", &places));
                 mark_back(&mut new);
                 new["indices"] = json!(self.file.indices(&some(surface, &fate, Fate::Dressed, true)));
                 self.turn(&mut new);
@@ -175,13 +172,13 @@ impl Work<'_> {
         }
     }
 
-    /// The primitives of scattered leaves, one for each side, which stands out by `half` of the file's unit.
-    fn scattered(&mut self, leaves: &LeafMesh, half: f64, coated: &Coated) -> Vec<Value> {
+    /// The primitives of scattered leaves, one for each side. The back stands `thickness` (the file's unit) behind.
+    fn scattered(&mut self, leaves: &LeafMesh, thickness: f64, coated: &Coated) -> Vec<Value> {
         let mut leaves = leaves.clone();
         leaves.tangents = mesh::vertex_tangents(&leaves);
         let front = ExportMesh::of(&leaves);
         self.done.scattered += front.indices.len() / 6;
-        let both = [front.clone(), front.turned()].map(|side| side.raised(half));
+        let both = [front.clone(), front.turned().raised(thickness)];
         let side = |(side, material): &(Side, usize)| {
             let second = is_second(*side, coated.sides.len());
             crate::gltf::primitive(self.file, &both[usize::from(second)], *material, second)
