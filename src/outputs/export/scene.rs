@@ -114,16 +114,8 @@ impl ExportSheet {
     ) -> ExportSheet {
         let all: Vec<usize> = (0..texels.len()).filter(|k| good(*k)).collect();
         let good = (0..all.len().min(MEASURED)).map(|k| all[k * all.len() / all.len().min(MEASURED)]).collect();
-        ExportSheet {
-            name: plain_name(name),
-            mesh,
-            thickness_mm: THICKNESS_MM,
-            size,
-            texels,
-            normals,
-            mask: None,
-            good,
-        }
+        let (name, thickness_mm) = (plain_name(name), THICKNESS_MM);
+        ExportSheet { name, mesh, thickness_mm, size, texels, normals, mask: None, good }
     }
 
     /// The lobe of its gloss.
