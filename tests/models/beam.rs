@@ -93,14 +93,14 @@ fn what_was_found_is_said() {
     };
     let (even, said) = fit(&["--load", "even"]);
     assert!((cell(&even, 0, "alpha") / 0.25 - 1.0).abs() < 0.1);
-    let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch has alpha, load_over_stiffness_mm \
-     and tip_mm, but not root_radius_mm";
+    let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch determines alpha, \
+     load_over_stiffness_mm and tip_mm, but not root_radius_mm";
     assert_eq!(said.lines().last(), Some(want));
     assert!(said.starts_with("the load is taken as spread evenly along the branch, as stated"), "{said}");
     let (tip, _) = fit(&["--load", "tip"]);
     let (open, said) = fit(&[]);
     assert!(said.starts_with("the load is taken as spread evenly along the branch; ") && said.contains("--load"));
-    let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch has tip_mm, but not alpha, \
+    let want = "1 branch: 0 ok, 1 undetermined, 0 refused; the undetermined branch determines tip_mm, but not alpha, \
      load_over_stiffness_mm and root_radius_mm";
     assert_eq!(said.lines().last(), Some(want));
     let status = open.1[0].last().unwrap();
