@@ -49,8 +49,10 @@ def ways_to_light(found):
 
 def duration(us):
     """A time in µs as a number below a thousand, and its unit."""
-    size = next(size for size in (1.0, 1e3, 1e6) if size == 1e6 or not us or us < 1e3 * size)
-    return us and us / size, {1.0: "µs", 1e3: "ms", 1e6: "s"}[size]
+    for size, unit in ((1e6, "s"), (1e3, "ms")):
+        if us and us >= size:
+            return us / size, unit
+    return us, "µs"
 
 
 def table(rows):

@@ -116,7 +116,8 @@ fn fit(scene: &TransferScene, options: &Options, maker: &mut FitMaker) -> Result
     if uploaded > BUFFER_OF_EVERY_ADAPTER {
         progress::say(format!(
             "{}: the transfer of {} anchors takes a buffer of {} MiB on the adapter, and not every adapter has buffers \
-             of more than {} MiB: some cannot draw it in real time. Fewer anchors or leaves take less",
+             of more than {} MiB: some cannot draw it in real time. Fewer transfer.anchors take less, and so does \
+             transfer.shared where copies stand in a list",
             scene.name,
             layout.anchors(),
             uploaded >> 20,

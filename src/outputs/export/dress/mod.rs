@@ -2,7 +2,7 @@
 //! else stays as it is.
 //!
 //! A fitted leaf has two sides, each with a material of its own. Every mesh with a named material therefore gets a
-//! second primitive, the same triangles seen from behind, which stand the leaf's thickness behind. Texture
+//! second primitive: the same triangles, seen from behind and moved back by the leaf's thickness. Texture
 //! coordinates of the file are kept. Where there are none, each flat piece is laid along the fitted blade by its own
 //! axes ([`mesophyll_plants::import::flat_pieces`]).
 

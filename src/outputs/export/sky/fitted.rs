@@ -310,7 +310,8 @@ fn powers(text: &mut SourceText, name: &str, of: &str, count: usize) {
     recurrence(text, name, of, count.max(2), &format!("{of} * {name}[{name}_at - 1]"));
 }
 
-/// A list that begins with 1 and `of`. Its index has a name of its own: in HLSL it would hide that of another loop.
+/// A list that begins with 1 and `of`. Its index has a name of its own, because compilers of HLSL warn where two loops
+/// of a function have the same one.
 fn recurrence(text: &mut SourceText, name: &str, of: &str, count: usize, step: &str) {
     text.room(ValueType::Wide, name, count);
     text.line(&format!("{name}[0] = {};", text.number(1.0)));

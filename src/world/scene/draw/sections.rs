@@ -5,6 +5,7 @@ use super::poses::poses;
 use crate::placed::PlacedScene;
 use crate::placed::sections::BarkMotion;
 use crate::placed::stand::PlacedStand;
+use crate::plan::light::parts_of_sun;
 use glam::{DMat4, DQuat, DVec3};
 use mesophyll_plants::pose::{LengthConstraint, RigidMotion};
 use mesophyll_viewer::scene as viewer;
@@ -82,5 +83,5 @@ pub fn maps_of_sun(placed: &PlacedScene, out: &viewer::Scene) -> Option<u32> {
     let height = placed.stands.iter().map(tall).fold(0.0, f64::max);
     // Half of the height is the mean way of a shadow within a crown and to the ground.
     let penumbra = 2.0 * f64::from(sun.radius).tan() * 0.5 * height;
-    Some(((penumbra / texel.max(1e-9)).powi(2).ceil() as u32).max(1))
+    Some((parts_of_sun(penumbra, texel.max(1e-9)).ceil() as u32).max(1))
 }

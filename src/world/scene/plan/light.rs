@@ -183,13 +183,17 @@ fn extents(placed: &PlacedScene) -> Option<(f64, f64)> {
     (far.max_element() > 0.0).then(|| (far.max_element(), high.z - low.z.min(ground.unwrap_or(low.z))))
 }
 
-/// Fewer and finer maps with as many texels in all, and their side. A penumbra of this width (mm) takes all the parts
-/// of the sun's disk that texels can tell apart, and no more.
+/// Number of parts of the sun's disk that texels of this width tell apart in a penumbra: within a texel they are one.
+pub fn parts_of_sun(penumbra: f64, texel: f64) -> f64 {
+    (penumbra / texel).powi(2)
+}
+
+/// Fewer and finer maps with as many texels in all, and their side, as far as a map is left for each part of the sun's
+/// disk that their texels tell apart in a penumbra of this width (mm).
 fn finer(maps: usize, width: f64, penumbra: f64) -> (usize, u64) {
     let (mut maps, mut side) = (maps, SHADOW_SIDE);
     while side < FINEST_SIDE && maps >= 4 {
-        let texel = width / (2 * side) as f64;
-        if ((maps / 4) as f64) < (penumbra / texel).powi(2) {
+        if ((maps / 4) as f64) < parts_of_sun(penumbra, width / (2 * side) as f64) {
             break;
         }
         (maps, side) = (maps / 4, 2 * side);

@@ -13,7 +13,7 @@ pub mod findings;
 mod grass;
 pub mod leaf;
 pub mod levels;
-mod light;
+pub(crate) mod light;
 mod needs;
 pub mod shared_light;
 pub mod transfer;
