@@ -18,7 +18,7 @@ const APART: [&str; 3] = ["peer", "method", "lobe"];
 
 /// Groups whose settings are cases and not a knob: error and time of one tell nothing about the next. They are in the
 /// table only.
-const CASES: [&str; 3] = ["oracle", "basis", "form"];
+const CASES: [&str; 5] = ["oracle", "basis", "form", "elevation", "distance"];
 
 /// Size of a picture with one panel, and size of each of several panels.
 const ONE: (u32, u32) = (860, 560);

@@ -98,8 +98,8 @@ fn measure() -> Result<Vec<FrameSet>> {
 pub fn rows() -> Result<Vec<BenchRow>> {
     let row = |set: &FrameSet| BenchRow {
         model: "design".into(),
-        knob: "frames".into(),
-        setting: format!("{} {}", set.count, if set.planned { "planned" } else { "even" }),
+        knob: format!("frames, {}", if set.planned { "planned" } else { "even" }),
+        setting: set.count.to_string(),
         error: set.seen,
         us: set.us,
         note: format!(
